@@ -1,0 +1,87 @@
+"""Options and file handling that several commands share."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.models.vehicle import Vehicle
+
+
+def add_vehicle_option(parser: argparse.ArgumentParser) -> None:
+    """Add `--vehicle FILE`; `chosen_vehicle` reads it."""
+    parser.add_argument(
+        "--vehicle",
+        type=Path,
+        metavar="FILE",
+        help="vehicle file, TOML (default: the GEM e2 that is shipped)",
+    )
+
+
+def chosen_vehicle(args: argparse.Namespace) -> Vehicle:
+    """The vehicle that `--vehicle` names, or the shipped one. Raises InputError on a bad file."""
+    from workbench.models.vehicle import gem_e2, load_vehicle
+
+    return gem_e2() if args.vehicle is None else load_vehicle(args.vehicle)
+
+
+def add_output_option(parser: argparse.ArgumentParser, *, default: str) -> None:
+    """Add `--out DIR`; pass its value to `writable_folder` before any work."""
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        default=Path(default),
+        help=f"folder for the results (default: {default})",
+    )
+
+
+def writable_folder(folder: Path) -> Path:
+    """Create `folder` if needed and try a write, so that a long run cannot end in a refusal.
+
+    Raises InputError when it cannot be created or written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"expected an output folder that can be written, got {folder} ({error.strerror}); "
+            "choose another with --out DIR, or change its permissions"
+        ) from error
+    return folder
+
+
+@contextlib.contextmanager
+def replacing(target: Path) -> Iterator[Path]:
+    """Path of a temporary file beside `target`, which takes its place when the block succeeds.
+
+    A reader finds the old file or the new one, never a part; an error leaves only the old one.
+    """
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        yield temporary
+        os.replace(temporary, target)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(target: Path, text: str) -> None:
+    """Write a UTF-8 file whole or not at all."""
+    with replacing(target) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_bytes(target: Path, content: bytes) -> None:
+    """Write a file whole or not at all."""
+    with replacing(target) as temporary:
+        temporary.write_bytes(content)

@@ -1,0 +1,200 @@
+"""Entry point of `workbench`: finds a command's module and turns failures into one sentence."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+import textwrap
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, final
+
+from workbench import __version__
+from workbench.errors import InputError
+
+COMMANDS: Final = {
+    "derive": "derive a proved bound on the spread of a closed loop",
+    "learn": "learn a bound from sampled trajectories",
+    "examine": "hold a learned bound against the proved ones and try to refute it",
+    "reach": "compute a tube that contains every trajectory",
+    "gains": "show poles, margins and the tube for a vehicle's gains",
+    "build": "compile a monitor bundle",
+    "bench": "score tightness and time, side by side",
+    "new": "write a runnable example of a model, a vehicle or a study",
+    "doctor": "show what this machine has and what is missing",
+    "replay": "run a monitor bundle over a recording",
+    "demo": "run the whole chain on a generated crossing and write a report",
+}
+
+PACKAGES_OF_EXTRAS: Final = {
+    "analysis": (
+        "numpy",
+        "casadi",
+        "control",
+        "scipy",
+        "cvxpy",
+        "clarabel",
+        "filterpy",
+        "matplotlib",
+    ),
+    "study": ("dask", "optuna", "pyarrow"),
+    "perception": ("onnxruntime",),
+    "commonroad": ("commonroad",),
+}
+
+DONE: Final = 0
+CLAIM_FAILS: Final = 1
+WRONG_USE: Final = 2
+DEFECT: Final = 70  # EX_SOFTWARE: an unexpected error must not look like a failed claim
+INTERRUPTED: Final = 130
+READER_GONE: Final = 141
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A command as its module states it: HELP, EXAMPLE, configure and run."""
+
+    name: str
+    help: str
+    example: str
+    configure: Callable[[argparse.ArgumentParser], None]
+    run: Callable[[argparse.Namespace], int]
+
+    def parser(self) -> argparse.ArgumentParser:
+        """Its argument parser, with `--json` and the example below the options."""
+        parser = argparse.ArgumentParser(
+            prog=f"workbench {self.name}",
+            description=self.help,
+            epilog="example:\n" + textwrap.indent(textwrap.dedent(self.example).strip(), "  "),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
+        self.configure(parser)
+        parser.add_argument(
+            "--json", action="store_true", help="write the result as JSON to standard output"
+        )
+        return parser
+
+
+def load_command(name: str) -> Command:
+    """Import the module of one command. Raises InputError when the installation lacks it."""
+    path = f"workbench.cli.{name}"
+    try:
+        module = importlib.import_module(path)
+    except ModuleNotFoundError as error:
+        if error.name != path:
+            raise
+        raise InputError(
+            f"expected the module {path}, and this installation lacks it; install the package again"
+        ) from error
+    return Command(name, module.HELP, module.EXAMPLE, module.configure, module.run)
+
+
+def usage() -> str:
+    """The overview that `workbench --help` prints."""
+    width = max(map(len, COMMANDS))
+    lines = [f"  {name:<{width}}  {text}" for name, text in COMMANDS.items()]
+    return "\n".join(
+        [
+            "usage: workbench [--help] [--version] COMMAND ...",
+            "",
+            "Proves how far the trajectories of an automated vehicle can spread, and compiles the",
+            "proof into the monitor that drives on it.",
+            "",
+            "commands:",
+            *lines,
+            "",
+            "`workbench COMMAND --help` shows a command's options and an example.",
+            "exit status: 0 done, 1 the claim fails, 2 wrong use.",
+        ]
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit status; `argv` defaults to the process's arguments."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    name = arguments[0] if arguments else ""
+    try:
+        status = _dispatch(name, arguments[1:])
+        sys.stdout.flush()
+        return status
+    except SystemExit as leaving:  # argparse leaves this way after --help and on wrong options
+        return leaving.code if isinstance(leaving.code, int) else DONE
+    except KeyboardInterrupt:
+        return _fail(name, "interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        # The interpreter flushes standard output once more while it shuts down.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return READER_GONE
+    except InputError as error:
+        return _fail(name, str(error), WRONG_USE)
+    except OSError as error:
+        return _fail(name, _describe(error), WRONG_USE)
+    except ImportError as error:
+        missing = (error.name or "").partition(".")[0]
+        for extra, packages in PACKAGES_OF_EXTRAS.items():
+            if missing in packages:
+                return _lacks_extra(name, extra, missing)
+        return _defect(name)
+    except Exception:
+        return _defect(name)
+
+
+def _dispatch(name: str, rest: list[str]) -> int:
+    if name in ("-h", "--help", "help"):
+        print(usage())
+        return DONE
+    if name == "--version":
+        print(f"workbench {__version__}")
+        return DONE
+    if name not in COMMANDS:
+        raise InputError(_unknown(name))
+    command = load_command(name)
+    return command.run(command.parser().parse_args(rest))
+
+
+def _unknown(name: str) -> str:
+    import difflib
+
+    known = ", ".join(COMMANDS)
+    if not name:
+        return f"expected a command, got none; the commands are {known}"
+    near = difflib.get_close_matches(name, COMMANDS, n=1)
+    hint = f"did you mean {near[0]!r}? The commands are" if near else "the commands are"
+    return f"unknown command {name!r}; {hint} {known}"
+
+
+def _describe(error: OSError) -> str:
+    if error.filename is None or error.strerror is None:
+        return str(error)
+    return f"{error.filename}: {error.strerror}"
+
+
+def _lacks_extra(name: str, extra: str, missing: str) -> int:
+    print(
+        f"`workbench {name}` needs the {extra} extra ({missing} is missing): "
+        f"pip install 'reach-workbench[{extra}]'",
+        file=sys.stderr,
+    )
+    return WRONG_USE
+
+
+def _defect(name: str) -> int:
+    traceback.print_exc()
+    return _fail(
+        name, "unexpected error, a defect of workbench; please report the lines above", DEFECT
+    )
+
+
+def _fail(name: str, message: str, status: int) -> int:
+    prog = f"workbench {name}" if name in COMMANDS else "workbench"
+    print(f"{prog}: {message}", file=sys.stderr)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,61 @@
+"""C text of `wb_decide`: the tube along a path, the ground it covers, its clearance from people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from workbench.codegen.c_source import KernelSizes, c_text, tube_source
+from workbench.models.system import Ode
+from workbench.reach.occupancy import clearance_function, occupancy_function
+from workbench.reach.step_functions import step_functions
+from workbench.runtime.layout import NO_CLEARANCE_M, PERSON_NUMBERS, query_counts, result_counts, tile
+from workbench.runtime.manifest import Field
+from workbench.sets import Box
+
+PATH_NODES = 128
+PEOPLE = 32
+# Stations that a step may reach: this many times the fastest speed times the step, and some slack for
+# the path's curvature; the kernel verifies after the step that the tube stayed within them.
+_REACH = 1.5
+_SLACK_M = 0.05
+
+
+def decision_layout(ode: Ode, steps: int) -> tuple[tuple[Field, ...], tuple[Field, ...]]:
+    """Query and result fields of the decision kernel of `ode`."""
+    n = len(ode.states)
+    counts = query_counts(
+        states=n, parameters=len(ode.parameters), path_nodes=PATH_NODES, people=PEOPLE
+    )
+    n_w = len(ode.disturbances)
+    counts |= {"disturbance_lower": n_w, "disturbance_upper": n_w}
+    defaults: dict[str, Sequence[float]] = {
+        "parameters": ode.parameter_values(),
+        "disturbance_lower": [d.lower for d in ode.disturbances],
+        "disturbance_upper": [d.upper for d in ode.disturbances],
+    }
+    return tile(counts, defaults=defaults), tile(result_counts(states=n, steps=steps), defaults={})
+
+
+def decision_source(ode: Ode, region: Box, sizes: KernelSizes) -> str:
+    """Complete C text of `wb_decide` (and `wb_tube`) for a loop in path coordinates."""
+    query, result = decision_layout(ode, sizes.steps)
+    names, w_names = ode.names, [d.name for d in ode.disturbances]
+    macros: dict[str, object] = {
+        "STATION": names.index("station"), "OFFSET": names.index("offset"),
+        "SPEED": names.index("speed"), "HEADING_ERROR": names.index("heading_error"),
+        "CURVATURE": w_names.index("curvature"), "STEP": sizes.step_max_s.hex(),
+        "REACH": _REACH, "SLACK": _SLACK_M, "NODES": PATH_NODES, "PEOPLE": PEOPLE,
+        "NO_CLEARANCE": NO_CLEARANCE_M,
+        "QUERY_SIZE": query[-1].offset + query[-1].count,
+        "RESULT_SIZE": result[-1].offset + result[-1].count,
+    }  # fmt: skip
+    macros |= {f"Q_{field.name.upper()}": field.offset for field in query}
+    macros |= {f"R_{field.name.upper()}": field.offset for field in result}
+    assert PERSON_NUMBERS == clearance_function().numel_in("person")
+    return "\n".join([
+        tube_source(
+            step_functions(ode), region, sizes, extra=[occupancy_function(), clearance_function()]
+        ),
+        *[f"#define WB_{name} {value}" for name, value in macros.items()],
+        c_text("decide.c"),
+    ])  # fmt: skip

@@ -1,0 +1,104 @@
+"""Ordinary differential equations as CasADi expressions with named signals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, final, runtime_checkable
+
+import casadi as ca
+
+from workbench.models.signals import Ranged, Signal
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Ode:
+    """x' = field(x, p, w): the one form that every analysis takes.
+
+    states, parameters, disturbances: the signals, in the order of the entries of the symbol vectors
+    `x` (n x 1), `p` (n_p x 1), `w` (n_w x 1). `field` is the n x 1 SX expression in these symbols.
+    `outputs`: named scalar expressions of (x, p, w), such as the commands before their limits.
+    Raises ValueError when sizes, names or symbols do not fit together.
+    """
+
+    name: str
+    states: tuple[Signal, ...]
+    parameters: tuple[Ranged, ...]
+    disturbances: tuple[Ranged, ...]
+    x: ca.SX
+    p: ca.SX
+    w: ca.SX
+    field: ca.SX
+    outputs: tuple[tuple[str, ca.SX], ...] = ()
+
+    def __post_init__(self) -> None:
+        for what, symbols, signals in (
+            ("state", self.x, self.states),
+            ("parameter", self.p, self.parameters),
+            ("disturbance", self.w, self.disturbances),
+        ):
+            if symbols.numel() != len(signals):
+                raise ValueError(
+                    f"{self.name}: expected one symbol per {what}, "
+                    f"got {symbols.numel()} symbols and {len(signals)} names"
+                )
+        names = [signal.name for signal in (*self.states, *self.parameters, *self.disturbances)]
+        repeated = sorted({name for name in names if names.count(name) > 1})
+        if repeated:
+            raise ValueError(f"{self.name}: expected distinct signal names, got {repeated} twice")
+        if self.field.shape != (len(self.states), 1):
+            raise ValueError(
+                f"{self.name}: expected a field of shape {(len(self.states), 1)}, got {self.field.shape}"
+            )
+        known = {element.__hash__() for element in ca.vertsplit(ca.vertcat(self.x, self.p, self.w))}
+        free = [s.name() for s in ca.symvar(self.field) if s.__hash__() not in known]
+        if free:
+            raise ValueError(
+                f"{self.name}: the field uses symbols {free} that are neither state, parameter nor "
+                "disturbance; list them as one of these"
+            )
+
+    @property
+    def ode(self) -> Ode:
+        """This object: an `Ode` is a `System`."""
+        return self
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the states, in order."""
+        return tuple(state.name for state in self.states)
+
+    def function(self) -> ca.Function:
+        """The field as a CasADi Function (x, p, w) -> dx."""
+        return ca.Function(
+            "field", [self.x, self.p, self.w], [self.field], ["x", "p", "w"], ["dx"]
+        )
+
+    def parameter_values(self) -> list[float]:
+        """Nominal parameter values, in order."""
+        return [parameter.nominal for parameter in self.parameters]
+
+
+@runtime_checkable
+class System(Protocol):
+    """Anything that reduces to one `Ode`: an `Ode` itself, or a `ClosedLoop`."""
+
+    @property
+    def ode(self) -> Ode:
+        """The equation to analyse."""
+
+
+def system_from_casadi(
+    states: ca.SX, field: ca.SX, names: tuple[str, ...], *, units: tuple[str, ...] | None = None,
+    name: str = "system",
+) -> Ode:
+    """Make a `System` of any SX expression: states (n x 1 symbols), field (n x 1), one name per state.
+
+    >>> x = ca.SX.sym("x")
+    >>> system_from_casadi(x, -x, ("x",)).names
+    ('x',)
+    """
+    units = units or ("",) * len(names)
+    signals = tuple(Signal(n, unit) for n, unit in zip(names, units, strict=True))
+    empty = ca.SX(0, 1)
+    return Ode(name, signals, (), (), states, empty, empty, field)

@@ -1,0 +1,130 @@
+"""The sections of a vehicle file as checked values."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import final
+
+from workbench.controllers import VehicleBrake
+from workbench.errors import InputError
+from workbench.sets import Box
+
+STATE_KEYS = {
+    "station_m": "station",
+    "offset_m": "offset",
+    "steering_rad": "steering",
+    "speed_mps": "speed",
+    "heading_error_rad": "heading_error",
+    "speed_integral_m": "speed_integral",
+    "offset_integral_ms": "offset_integral",
+}
+REGION_KEYS = {key: name for key, name in STATE_KEYS.items() if name != "station"}
+
+
+def _require_positive(section: object, *keys: str) -> None:
+    for key in keys:
+        value = getattr(section, key)
+        if not (math.isfinite(value) and value > 0.0):
+            raise InputError(f"{key}: expected a number > 0, got {value!r}")
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """Axle distance and body about the rear axle: front and rear bumper, half the width (m)."""
+
+    wheelbase_m: float
+    front_m: float
+    rear_m: float
+    half_width_m: float
+    provenance: str
+
+    def __post_init__(self) -> None:
+        _require_positive(self, "wheelbase_m", "front_m", "rear_m", "half_width_m")
+        if self.front_m < self.wheelbase_m:
+            raise InputError(
+                f"front_m: expected the distance from the rear axle to the front bumper, at least "
+                f"wheelbase_m = {self.wheelbase_m!r}, got {self.front_m!r}"
+            )
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Road-wheel angle and its rate (magnitudes), acceleration interval."""
+
+    steering_rad: float
+    steering_rate_radps: float
+    accel_min_mps2: float
+    accel_max_mps2: float
+    provenance: str
+
+    def __post_init__(self) -> None:
+        _require_positive(self, "steering_rad", "steering_rate_radps", "accel_max_mps2")
+        if self.steering_rad >= math.pi / 2:
+            raise InputError(f"steering_rad: expected less than pi/2, got {self.steering_rad!r}")
+        if self.accel_min_mps2 >= 0.0:
+            raise InputError(f"accel_min_mps2: expected a number < 0, got {self.accel_min_mps2!r}")
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class SteeringGains:
+    """Gains of the steering PID and its look-ahead distance; see `SteeringPid`."""
+
+    proportional_radps_per_m: float
+    integral_radps_per_ms: float
+    derivative_rad_per_m: float
+    look_ahead_m: float
+    provenance: str
+
+    def __post_init__(self) -> None:
+        if self.look_ahead_m < 0.0:
+            raise InputError(f"look_ahead_m: expected a number >= 0, got {self.look_ahead_m!r}")
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class SpeedGains:
+    """Gains of the speed PID; see `SpeedPid`."""
+
+    proportional_per_s: float
+    integral_per_s2: float
+    provenance: str
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """Reference speed, and the region of path states (no station) that bounds are derived for."""
+
+    reference_speed_mps: float
+    region: Box
+    provenance: str
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Brake:
+    """The vehicle's own brake; see `VehicleBrake`."""
+
+    deceleration_min_mps2: float
+    deceleration_max_mps2: float
+    delay_s: float
+    build_up_s: float
+    stop_speed_mps: float
+    provenance: str
+
+    def __post_init__(self) -> None:
+        self.mode()
+
+    def mode(self) -> VehicleBrake:
+        """The BRAKE mode with these numbers."""
+        return VehicleBrake(
+            self.deceleration_min_mps2,
+            self.deceleration_max_mps2,
+            self.delay_s,
+            self.build_up_s,
+            self.stop_speed_mps,
+        )

@@ -1,0 +1,119 @@
+"""The ground a car can cover during one segment of a tube, and its distance from a person.
+
+Both are CasADi Functions with every operation rounded outward, so they evaluate and compile alike.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from workbench.sensitivity.elementary import cos, sin
+from workbench.sensitivity.intervals import SymbolicInterval
+from workbench.sensitivity.validity import Validity, verbatim
+
+# Covers the conversion of the rectangle's centre and heading to single numbers, m.
+_PADDING_M = 1e-9
+
+
+def occupancy_function() -> ca.Function:
+    """Oriented rectangle that contains the body for every state of a path-coordinate box.
+
+    In the frame of a path node, with delta = s - s_node and the curvature in [k]: the path turns by
+    theta in [k] delta, its point lies at (delta cos, delta sin)([0, theta]), the reference point at
+    that point + e (-sin, cos)(theta), and the body points along psi + theta. A rotation by at most
+    rho about the middle heading moves a body point by at most half_width rho along the body and
+    max(front, rear) rho across it.
+    Inputs: lower, upper (3): station (m), offset (m), heading error (rad); node (4): station, x, y, heading; curvature (2), 1/m;
+    body (3): front, rear, half width in m. Outputs: rectangle (5): centre x, y, heading, half length,
+    half width; ok.
+    """
+    lower, upper = ca.SX.sym("lower", 3), ca.SX.sym("upper", 3)
+    node, curvature, body = ca.SX.sym("node", 4), ca.SX.sym("curvature", 2), ca.SX.sym("body", 3)
+    validity = Validity()
+
+    def interval(low: ca.SX, high: ca.SX) -> SymbolicInterval:
+        return SymbolicInterval.between(low, high, validity)
+
+    station, offset, error = (interval(lower[i], upper[i]) for i in range(3))
+    s_node, x_node, y_node, heading_node = (interval(node[i], node[i]) for i in range(4))
+    front, rear, half_width = (interval(body[i], body[i]) for i in range(3))
+    delta = station - s_node
+    turn = interval(curvature[0], curvature[1]) * delta
+    swept = turn.hull(SymbolicInterval.exactly(0.0, validity))
+    along = delta * cos(swept) - offset * sin(turn)
+    across = delta * sin(swept) + offset * cos(turn)
+    heading = error + turn
+
+    with verbatim():
+        middle = (heading.lower + heading.upper) / 2
+        along_mid, across_mid = (along.lower + along.upper) / 2, (across.lower + across.upper) / 2
+    direction = interval(middle, middle)
+    c, s = cos(direction), sin(direction)
+    rotation = (heading - direction).absolute()
+    spread_along = (along - interval(along_mid, along_mid)).absolute()
+    spread_across = (across - interval(across_mid, across_mid)).absolute()
+    c_size, s_size = c.absolute(), s.absolute()
+    ahead = (front - rear).scale(0.5)
+    u = interval(along_mid, along_mid) + ahead * c
+    v = interval(across_mid, across_mid) + ahead * s
+    cn, sn = cos(heading_node), sin(heading_node)
+    x, y = x_node + u * cn - v * sn, y_node + u * sn + v * cn
+    half_length = (
+        (front + rear).scale(0.5) + half_width * rotation
+        + spread_along * c_size + spread_across * s_size
+    )  # fmt: skip
+    half_across = (
+        half_width + front.maximum(rear) * rotation
+        + spread_along * s_size + spread_across * c_size
+    )  # fmt: skip
+    with verbatim():
+        padding = _PADDING_M + x.width() + y.width()
+        rectangle = ca.vertcat(
+            (x.lower + x.upper) / 2, (y.lower + y.upper) / 2, heading_node.lower + middle,
+            half_length.upper + padding, half_across.upper + padding,
+        )  # fmt: skip
+        outputs = list(ca.cse([rectangle, validity.result()]))
+    return ca.Function(
+        "wb_occupancy", [lower, upper, node, curvature, body], outputs,
+        ["lower", "upper", "node", "curvature", "body"], ["rectangle", "ok"],
+    )  # fmt: skip
+
+
+def clearance_function() -> ca.Function:
+    """A proved lower bound of the distance between a rectangle and a person's disc, in m.
+
+    The person's centre at tau in [start, end] lies within |v| (end - start)/2 of its place at the
+    middle, and the disc's radius at most grows to radius + growth end + growth2/2 end^2 (growths >= 0).
+    Distance of a point from a rectangle: with (a, b) its absolute coordinates along and across minus
+    the half sides, sqrt(max(a, 0)^2 + max(b, 0)^2), or max(a, b) inside.
+    Inputs: rectangle (5); person (7): x, y, vx, vy, radius, growth, growth2 (SI); start, end in s.
+    """
+    rectangle, person = ca.SX.sym("rectangle", 5), ca.SX.sym("person", 7)
+    start, end = ca.SX.sym("start"), ca.SX.sym("end")
+    validity = Validity()
+
+    def point(value: ca.SX) -> SymbolicInterval:
+        return SymbolicInterval.between(value, value, validity)
+
+    cx, cy, heading, half_length, half_width = (point(rectangle[i]) for i in range(5))
+    px, py, vx, vy, radius, growth, growth2 = (point(person[i]) for i in range(7))
+    first, last = point(start), point(end)
+    middle = (first + last).scale(0.5)
+    dx, dy = px + vx * middle - cx, py + vy * middle - cy
+    c, s = cos(heading), sin(heading)
+    a = (dx * c + dy * s).absolute() - half_length
+    b = (dy * c - dx * s).absolute() - half_width
+    zero = SymbolicInterval.exactly(0.0, validity)
+    outside = (a.maximum(zero).square() + b.maximum(zero).square()).sqrt()
+    travel = (vx.square() + vy.square()).sqrt() * (last - first).scale(0.5)
+    reach = radius + growth * last + (growth2 * last.square()).scale(0.5) + travel
+    with verbatim():
+        inside = ca.logic_and(a.lower <= 0, b.lower <= 0)
+        distance = ca.if_else(inside, ca.fmax(a.lower, b.lower), outside.lower)
+    clearance = (SymbolicInterval(distance, distance, validity).watched() - reach).lower
+    with verbatim():
+        outputs = list(ca.cse([clearance, validity.result()]))
+    return ca.Function(
+        "wb_clearance", [rectangle, person, start, end], outputs,
+        ["rectangle", "person", "start", "end"], ["clearance", "ok"],
+    )  # fmt: skip

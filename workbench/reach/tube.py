@@ -1,0 +1,64 @@
+"""The result of a reachability computation."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.claims import Rigor
+
+Array = npt.NDArray[np.float64]
+
+
+class TubeStatus(enum.Enum):
+    """How a tube computation ended; everything but COMPLETE ends `times` where the proof ends.
+
+    LEFT_REGION: the tube left the region for which its bounds hold; use a smaller initial set or a
+    larger region. ENCLOSURE_FAILED: no a priori enclosure was found; use a shorter step or split the
+    initial set. SINGULAR: a pole of tan or a division by an interval with zero lies in the tube.
+    """
+
+    COMPLETE = 0
+    LEFT_REGION = 1
+    ENCLOSURE_FAILED = 2
+    SINGULAR = 3
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class ReachTube:
+    """Boxes that contain every trajectory from an initial set.
+
+    times (K+1): grid in s; lower, upper (K x n): row k encloses every state on all of
+    [times[k], times[k+1]]; lower_at, upper_at (K+1 x n): the sets at the instants; names: columns.
+    """
+
+    times: Array
+    lower: Array
+    upper: Array
+    lower_at: Array
+    upper_at: Array
+    names: tuple[str, ...]
+    status: TubeStatus
+    rigor: Rigor
+    message: str = ""
+
+    def __post_init__(self) -> None:
+        steps, n = len(self.times) - 1, len(self.names)
+        shapes = (self.lower.shape, self.upper.shape, self.lower_at.shape, self.upper_at.shape)
+        expected = ((steps, n), (steps, n), (steps + 1, n), (steps + 1, n))
+        if shapes != expected:
+            raise ValueError(f"expected arrays of shapes {expected}, got {shapes}")
+
+    @property
+    def complete(self) -> bool:
+        """Whether the tube reaches the horizon."""
+        return self.status is TubeStatus.COMPLETE
+
+    def half_width_at(self) -> Array:
+        """Half widths of the sets at the instants, (K+1 x n), in the states' units."""
+        return 0.5 * (self.upper_at - self.lower_at)

@@ -1,0 +1,215 @@
+"""What a bundle says about itself: the values that manifest.json holds, checked at construction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import final
+
+from workbench.claims import Assumption, Rigor
+from workbench.errors import InputError
+from workbench.sets import Box
+
+FORMAT = 1
+MANIFEST_FILE = "manifest.json"
+LIBRARY_FILE = "kernel.so"
+SOURCE_FILE = "kernel.c"
+CHECKSUM_FILE = "SHA256SUMS"
+CHECKED_FILES = (LIBRARY_FILE, SOURCE_FILE, MANIFEST_FILE)
+
+
+def _refuse(what: str) -> InputError:
+    return InputError(f"{MANIFEST_FILE}: {what}; rebuild the bundle with `workbench build`")
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A named run of `count` doubles from `offset` on; `default` fills a query field left out."""
+
+    name: str
+    offset: int
+    count: int
+    default: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if not self.name or self.offset < 0 or self.count < 1:
+            raise _refuse(
+                f"field {self.name!r}: expected a name, an offset >= 0 and a count >= 1, "
+                f"got offset {self.offset}, count {self.count}"
+            )
+        if self.default is None:
+            return
+        if len(self.default) != self.count or not all(map(math.isfinite, self.default)):
+            raise _refuse(
+                f"field {self.name!r}: expected {self.count} finite default values, "
+                f"got {len(self.default)}: {self.default[:4]!r}"
+            )
+
+    @property
+    def span(self) -> slice:
+        """The field's place in the buffer."""
+        return slice(self.offset, self.offset + self.count)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Kernel:
+    """The library's entry point and the sizes of its three buffers, in doubles."""
+
+    entry: str
+    query_size: int
+    result_size: int
+    work_size: int
+
+    def __post_init__(self) -> None:
+        if not self.entry.isidentifier():
+            raise _refuse(f"expected the entry point to be a C name, got {self.entry!r}")
+        if self.query_size < 1 or self.result_size < 1 or self.work_size < 0:
+            raise _refuse(
+                "expected query_size >= 1, result_size >= 1 and work_size >= 0, "
+                f"got {self.query_size}, {self.result_size} and {self.work_size}"
+            )
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class StateSignal:
+    """Name and SI unit of one state of the kernel, in the order of its tube's columns."""
+
+    name: str
+    unit: str
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A run-time parameter and the range over which the proof holds."""
+
+    name: str
+    unit: str
+    nominal: float
+    lower: float
+    upper: float
+
+    def __post_init__(self) -> None:
+        numbers = (self.lower, self.nominal, self.upper)
+        if not all(map(math.isfinite, numbers)) or not self.lower <= self.nominal <= self.upper:
+            raise _refuse(
+                f"parameter {self.name!r}: expected finite lower <= nominal <= upper, "
+                f"got {numbers!r}"
+            )
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class VehicleBody:
+    """The vehicle's shape about the middle of its rear axle; `further`: other figures by name."""
+
+    name: str
+    wheelbase_m: float
+    front_m: float
+    rear_m: float
+    half_width_m: float
+    further: tuple[tuple[str, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        lengths = (self.wheelbase_m, self.front_m, self.half_width_m)
+        numbers = (*lengths, self.rear_m, *(value for _, value in self.further))
+        if not all(map(math.isfinite, numbers)) or min(lengths) <= 0.0 or self.rear_m < 0.0:
+            raise _refuse(
+                f"vehicle {self.name!r}: expected finite figures, wheelbase_m, front_m and "
+                f"half_width_m > 0 and rear_m >= 0, got {numbers!r}"
+            )
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Golden:
+    """One recorded call: query, result bit for bit, and what the entry point returned."""
+
+    query: tuple[float, ...]
+    result: tuple[float, ...]
+    returns: int = 0
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """Everything a bundle claims; raises InputError when its parts do not fit together.
+
+    query, result: fields that tile their buffers exactly, in order. region: box of the states
+    (those it names) in which the proof holds, or None. golden: at least one recorded call.
+    """
+
+    name: str
+    created_by: str
+    machine: str
+    compiler: str
+    flags: tuple[str, ...]
+    kernel: Kernel
+    query: tuple[Field, ...]
+    result: tuple[Field, ...]
+    states: tuple[StateSignal, ...]
+    parameters: tuple[Parameter, ...]
+    vehicle: VehicleBody
+    steps: int
+    step_s: float
+    horizon_s: float
+    region: Box | None
+    rigor: Rigor
+    assumptions: tuple[Assumption, ...]
+    golden: tuple[Golden, ...]
+
+    def __post_init__(self) -> None:
+        _check_tiling("query", self.query, self.kernel.query_size)
+        _check_tiling("result", self.result, self.kernel.result_size)
+        _check_names("state", [state.name for state in self.states])
+        _check_names("parameter", [parameter.name for parameter in self.parameters])
+        if not self.states:
+            raise _refuse("expected at least one state, got none")
+        grid = self.steps >= 1 and 0.0 < self.step_s < math.inf
+        if not (grid and abs(self.steps * self.step_s - self.horizon_s) <= 1e-9 * self.steps):
+            raise _refuse(
+                "expected steps >= 1, step_s > 0 and horizon_s = steps * step_s, "
+                f"got {self.steps}, {self.step_s!r} and {self.horizon_s!r}"
+            )
+        known = {state.name for state in self.states}
+        if self.region is not None and not known.issuperset(self.region.names):
+            raise _refuse(f"the region names {self.region.names}, the states are {sorted(known)}")
+        self._check_golden()
+
+    def _check_golden(self) -> None:
+        if not self.golden:
+            raise _refuse("expected at least one golden vector, got none")
+        sizes = (self.kernel.query_size, self.kernel.result_size)
+        for index, golden in enumerate(self.golden):
+            if (len(golden.query), len(golden.result)) != sizes:
+                raise _refuse(
+                    f"golden vector {index}: expected {sizes[0]} query and {sizes[1]} result "
+                    f"numbers, got {len(golden.query)} and {len(golden.result)}"
+                )
+
+
+def _check_names(what: str, names: Sequence[str]) -> None:
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated or "" in names:
+        raise _refuse(f"expected distinct, non-empty {what} names, got {list(names)!r}")
+
+
+def _check_tiling(buffer: str, fields: Sequence[Field], size: int) -> None:
+    _check_names(f"{buffer} field", [field.name for field in fields])
+    end = 0
+    for field in fields:
+        if field.offset != end:
+            raise _refuse(
+                f"the {buffer} fields must tile the buffer: expected {field.name!r} at offset "
+                f"{end}, got {field.offset}"
+            )
+        end += field.count
+    if end != size:
+        raise _refuse(
+            f"the {buffer} fields must tile the buffer: they end at {end}, "
+            f"its size is {size} (kernel.{buffer}_size)"
+        )

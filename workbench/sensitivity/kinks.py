@@ -1,0 +1,231 @@
+"""Kinks (fmin, fmax, fabs) taken out of a field, so that the rest can be differentiated soundly.
+
+CasADi differentiates a clip to c1/(c1+c2), an undecided 0/0, and gives comparisons the derivative 0.
+Here every kink becomes one symbol kappa_i = clip(d_i, floor_i, ceiling_i) with its driver d_i; limits
+that depend on parameters only stay one clip, everything else uses min(d, 0) = clip(d, -1e300, 0):
+
+    fmin(a, b) = b + min(a - b, 0),   fmax(a, b) = b - min(b - a, 0),   fabs(a) = a - 2 min(a, 0).
+
+The remaining graph is smooth in (x, p, w, kappa). Constants that folding could round become extra
+parameters, so that CasADi cannot merge them ((0.1 x) 0.3 would become 0.03 x).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import casadi as ca
+
+from workbench.errors import InputError
+from workbench.models.system import Ode
+from workbench.sensitivity.graph import Graph, Node, graph_of
+
+_NOT_DIFFERENTIABLE = frozenset({
+    "lt", "le", "eq", "ne", "not", "and", "or", "if_else_zero", "sign", "floor", "ceil", "fmod",
+    "remainder", "copysign",
+})  # fmt: skip
+# A clip without lower limit; far below every driver and far from overflow in every product.
+_NO_FLOOR = ca.SX(-1e300)
+# Products of these with any double are exact, so CasADi's folding cannot change them.
+_FOLDS_EXACTLY = {0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5}
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class SmoothForm:
+    """x' = field(x, p, w, kappa) with kappa_i = clip(drivers_i, floor_i, ceiling_i).
+
+    p (n_p + n_constants): the parameters followed by the graph's own constants, whose values are
+    `constants`; field (n x 1) is smooth in its arguments; drivers (n_kinks x 1) are smooth, driver i in
+    (x, p, w, kappa_0 .. kappa_{i-1}); floor, ceiling (n_kinks x 1) depend on p alone.
+    """
+
+    ode: Ode
+    p: ca.SX
+    constants: tuple[float, ...]
+    kappa: ca.SX
+    field: ca.SX
+    drivers: ca.SX
+    floor: ca.SX
+    ceiling: ca.SX
+
+    def parameter_values(self) -> list[float]:
+        """Nominal values of `p`: the model's parameters, then the constants."""
+        return [*self.ode.parameter_values(), *self.constants]
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class RelaxedForm:
+    """The smooth field with every kink replaced by kappa_i = slope_i d_i + offset_i + error_i.
+
+    field (n x 1) and drivers (n_kinks x 1) in terms of x, p, w, slope, offset and error; the relaxation
+    encloses the kink whenever |error_i| is allowed up to the half gap of the chosen line.
+    """
+
+    slope: ca.SX
+    offset: ca.SX
+    error: ca.SX
+    field: ca.SX
+    drivers: ca.SX
+
+
+def smooth_form(ode: Ode) -> SmoothForm:
+    """Take the kinks out of `ode`. Raises InputError naming an operation without a derivative."""
+    function = ode.function()
+    builder = _Builder([ode.x, ode.p, ode.w])
+    outputs = builder.run(function)
+    return SmoothForm(
+        ode=ode,
+        p=ca.vertcat(ode.p, *builder.constant_symbols),
+        constants=tuple(builder.constant_values),
+        kappa=_stacked(builder.kappa),
+        field=outputs,
+        drivers=_stacked(builder.drivers),
+        floor=_stacked([low for low, _ in builder.limits]),
+        ceiling=_stacked([high for _, high in builder.limits]),
+    )
+
+
+def relax(form: SmoothForm) -> RelaxedForm:
+    """Substitute an affine relaxation for every kink, in the order of their dependence."""
+    count = form.kappa.numel()
+    slope, offset, error = (ca.SX.sym(name, count) for name in ("slope", "offset", "error"))
+    drivers: list[ca.SX] = []
+    lines: list[ca.SX] = []
+    for i in range(count):
+        driver = _substitute(form.drivers[i], form.kappa, lines)
+        drivers.append(driver)
+        lines.append(slope[i] * driver + offset[i] + error[i])
+    field = _substitute(form.field, form.kappa, lines)
+    return RelaxedForm(slope, offset, error, field, _stacked(drivers))
+
+
+def generalised_jacobian(form: SmoothForm) -> tuple[ca.SX, ca.SX]:
+    """Jacobian of the field in x with one selector per kink: (n x n expression, selectors).
+
+    d kappa_i = selector_i d d_i with selector_i = 1 strictly between the limits, 0 strictly outside, [0, 1]
+    undecided: with interval selectors this contains Clarke's generalised Jacobian (chain rule, as an outer bound).
+    """
+    count = form.kappa.numel()
+    selector = ca.SX.sym("selector", count)
+    x = form.ode.x
+    rows: list[ca.SX] = []
+    for i in range(count):
+        row = ca.jacobian(form.drivers[i], x)
+        through = ca.jacobian(form.drivers[i], form.kappa)
+        for j in range(i):
+            row = row + through[j] * rows[j]
+        rows.append(selector[i] * row)
+    jacobian = ca.jacobian(form.field, x)
+    if rows:
+        jacobian = jacobian + ca.jacobian(form.field, form.kappa) @ ca.vertcat(*rows)
+    return ca.sparsify(jacobian), selector
+
+
+def _stacked(expressions: list[ca.SX]) -> ca.SX:
+    return ca.vertcat(*expressions) if expressions else ca.SX(0, 1)
+
+
+def _substitute(expression: ca.SX, symbols: ca.SX, values: list[ca.SX]) -> ca.SX:
+    if not values:
+        return expression
+    return ca.substitute(expression, symbols[: len(values)], ca.vertcat(*values))
+
+
+class _Builder:
+    """Rebuilds a Function's graph instruction by instruction."""
+
+    def __init__(self, inputs: list[ca.SX]) -> None:
+        self._inputs = inputs
+        self.kappa: list[ca.SX] = []
+        self.drivers: list[ca.SX] = []
+        self.limits: list[tuple[ca.SX, ca.SX]] = []
+        self.constant_symbols: list[ca.SX] = []
+        self.constant_values: list[float] = []
+
+    def run(self, function: ca.Function) -> ca.SX:
+        graph = graph_of(function)
+        values: list[ca.SX] = []
+        uses = [operand for node in graph.nodes for operand in node.operands]
+        for node in graph.nodes:
+            values.append(self._value(node, graph, values, uses))
+        rows = function.sparsity_out(0).row()
+        result = [ca.SX(0)] * function.numel_out(0)
+        for row, index in zip(rows, graph.outputs[0], strict=True):
+            result[row] = values[index]
+        return ca.vertcat(*result)
+
+    def _value(self, node: Node, graph: Graph, values: list[ca.SX], uses: list[int]) -> ca.SX:
+        if node.element is not None:
+            return ca.vec(self._inputs[node.element[0]])[node.element[1]]
+        if node.constant is not None:
+            return self._constant(node.constant)
+        if node.name in _NOT_DIFFERENTIABLE:
+            raise InputError(
+                f"the field uses {node.name!r}, whose derivative CasADi takes as 0; write the law with "
+                "fmin, fmax or fabs so that it stays continuous"
+            )
+        operands = [values[index] for index in node.operands]
+        if node.name == "fmin":
+            clip = self._clip(node, graph, values, uses)
+            return operands[1] + self._kink(operands[0] - operands[1]) if clip is None else clip
+        if node.name == "fmax":
+            # One half of a clip is left to the fmin that consumes it.
+            if self._is_inner(len(values), graph, uses) and self._fixed(operands[1]):
+                return ca.SX.nan()
+            return operands[1] - self._kink(operands[1] - operands[0])
+        if node.name == "fabs":
+            return operands[0] - 2 * self._kink(operands[0])
+        if len(operands) == 1:
+            return ca.SX.unary(node.operation, operands[0])
+        return ca.SX.binary(node.operation, operands[0], operands[1])
+
+    def _is_inner(self, index: int, graph: Graph, uses: list[int]) -> bool:
+        """Whether value `index` is only used as the first operand of an fmin with fixed limit."""
+        users = [node for node in graph.nodes if index in node.operands]
+        return (
+            uses.count(index) == 1
+            and not any(index in row for row in graph.outputs)
+            and users[0].name == "fmin"
+            and users[0].operands[0] == index
+            and self._is_parameter(users[0].operands[1], graph)
+        )
+
+    def _is_parameter(self, index: int, graph: Graph) -> bool:
+        node = graph.nodes[index]
+        return node.constant is not None or (node.element is not None and node.element[0] == 1)
+
+    def _fixed(self, value: ca.SX) -> bool:
+        known = {s.element_hash() for s in (*ca.vertsplit(self._inputs[1]), *self.constant_symbols)}
+        return all(s.element_hash() in known for s in ca.symvar(value))
+
+    def _clip(
+        self, node: Node, graph: Graph, values: list[ca.SX], uses: list[int]
+    ) -> ca.SX | None:
+        inner, limit = node.operands
+        below = graph.nodes[inner]
+        if below.name != "fmax" or not self._is_inner(inner, graph, uses):
+            return None
+        driver, floor = (values[index] for index in below.operands)
+        if not self._fixed(floor):
+            return None
+        return self._kink(driver, floor, values[limit])
+
+    def _constant(self, value: float) -> ca.SX:
+        if value in _FOLDS_EXACTLY:
+            return ca.SX(value)
+        if value not in self.constant_values:
+            self.constant_values.append(value)
+            self.constant_symbols.append(ca.SX.sym(f"constant_{len(self.constant_values)}"))
+        return self.constant_symbols[self.constant_values.index(value)]
+
+    def _kink(self, driver: ca.SX, floor: ca.SX | None = None, ceiling: ca.SX | None = None) -> ca.SX:
+        symbol = ca.SX.sym(f"kappa_{len(self.kappa)}")
+        self.kappa.append(symbol)
+        self.drivers.append(driver)
+        self.limits.append(
+            (_NO_FLOOR if floor is None else floor, ca.SX(0) if ceiling is None else ceiling)
+        )
+        return symbol

@@ -1,0 +1,1 @@
+"""Recordings, replay and the generated crossing: a monitor tried where nothing can be hurt."""

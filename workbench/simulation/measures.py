@@ -1,0 +1,177 @@
+"""What a run of decisions amounts to, for replay and simulation alike."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol, final
+
+from workbench.claims import Verdict
+from workbench.runtime import Action, Decision, Observation
+from workbench.simulation.frames import Frame, Point
+from workbench.simulation.people import Body, PeopleModel, as_frame
+from workbench.simulation.recording import Track
+from workbench.simulation.runlog import Entry
+
+Progress = Callable[[int, int], None]
+"""Called with (done, total)."""
+_SAME_SAMPLE_S = 0.06
+
+
+class Judge(Protocol):
+    """What decides: a `Monitor`, or anything with its `step`."""
+
+    def step(self, observation: Observation) -> Decision:
+        """Judge one observation."""
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Closest:
+    """The smallest distance from car body to a person's body disc over the judged samples."""
+
+    separation_m: float
+    t_s: float
+    person: str
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Measures:
+    """Counts of each verdict, share of BRAKE, smallest separation that was and that was proved.
+
+    smallest_clearance_m: smallest proved clearance of a SAFE decision, None without one; closest:
+    None when nobody was seen; decision_median_s, decision_p99_s: time per decision.
+    """
+
+    queries: int
+    verdicts: tuple[tuple[Verdict, int], ...]
+    braked_share: float
+    people_seen: int
+    closest: Closest | None
+    smallest_clearance_m: float | None
+    decision_median_s: float
+    decision_p99_s: float
+
+    @classmethod
+    def of(cls, entries: Sequence[Entry]) -> Measures:
+        """Measure at least one entry."""
+        frames = [entry.frame for entry in entries]
+        counts = Counter(frame.verdict for frame in frames)
+        separations = [
+            Closest(entry.separation_m, entry.frame.t_s, entry.nearest)
+            for entry in entries
+            if entry.separation_m is not None and entry.nearest is not None
+        ]
+        proved = [
+            frame.clearance_m
+            for frame in frames
+            if frame.verdict is Verdict.SAFE and frame.clearance_m is not None
+        ]
+        elapsed = [entry.elapsed_s for entry in entries]
+        return cls(
+            queries=len(entries),
+            verdicts=tuple((verdict, counts[verdict]) for verdict in Verdict),
+            braked_share=sum(frame.action == Action.BRAKE.name for frame in frames) / len(frames),
+            people_seen=len({person.name for frame in frames for person in frame.people}),
+            closest=min(separations, key=lambda c: c.separation_m, default=None),
+            smallest_clearance_m=min(proved, default=None),
+            decision_median_s=percentile(elapsed, 0.5),
+            decision_p99_s=percentile(elapsed, 0.99),
+        )
+
+    def summary(self) -> str:
+        """All of it in one line."""
+        nearest = "no people seen"
+        if self.closest is not None:
+            nearest = (
+                f"smallest separation {self.closest.separation_m:.2f} m "
+                f"({self.closest.person} at {self.closest.t_s:.1f} s)"
+            )
+        counts = ", ".join(f"{count} {verdict.value}" for verdict, count in self.verdicts)
+        return (
+            f"{self.queries} queries ({counts}), braked {100.0 * self.braked_share:.1f} %, "
+            f"{nearest}, time per decision median {1e3 * self.decision_median_s:.2f} ms, "
+            f"p99 {1e3 * self.decision_p99_s:.2f} ms"
+        )
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """What entries keep for the report: people's discs up to horizon_s every step_s, the route."""
+
+    horizon_s: float
+    step_s: float
+    route: tuple[Point, ...]
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What was true when a decision was asked for; `people` with all their samples."""
+
+    t_s: float
+    body: Body
+    speed_mps: float
+    people: Sequence[Track]
+    models: PeopleModel
+
+    def entry(self, observation: Observation, decision: Decision, drawing: Drawing) -> Entry:
+        """The decision on record."""
+        body = self.body
+        frame = Frame(
+            t_s=self.t_s,
+            x_m=body.x_m,
+            y_m=body.y_m,
+            heading=body.heading,
+            front_m=body.front_m,
+            rear_m=body.rear_m,
+            half_width_m=body.half_width_m,
+            speed_mps=self.speed_mps,
+            verdict=decision.verdict,
+            action=decision.action.name,
+            reason=decision.reason,
+            clearance_m=decision.clearance_m,
+            occupancy=tuple((x, y, h, a, b) for x, y, h, a, b in decision.occupancy),
+            people=tuple(
+                as_frame(person, horizon_s=drawing.horizon_s, step_s=drawing.step_s)
+                for person in observation.people
+            ),
+            path=drawing.route,
+        )
+        closest = nearest_person(self.people, body, self.t_s, self.models)
+        return Entry.of(frame, decision, closest, observation.reference_speed_mps)
+
+
+def nearest_person(
+    people: Sequence[Track], body: Body, t_s: float, models: PeopleModel
+) -> tuple[float, str] | None:
+    """Distance in m from the body to the nearest body disc of a person sampled at t_s, and who.
+
+    Uses the sample nearest to t_s, at most 0.06 s away, no prediction; negative when disc and body
+    overlap. None when nobody is sampled then.
+    """
+    found = []
+    for track in people:
+        index = bisect_right(track.samples, t_s, key=lambda sample: sample.t_s)
+        beside = track.samples[max(index - 1, 0) : index + 1]
+        sample = min(beside, key=lambda s: abs(s.t_s - t_s))
+        if abs(sample.t_s - t_s) <= _SAME_SAMPLE_S:
+            reach_m = models.of(track.kind).body_radius_m
+            found.append((body.distance(sample.x_m, sample.y_m) - reach_m, track.name))
+    return min(found, default=None)
+
+
+def percentile(values: Sequence[float], share: float) -> float:
+    """The smallest of `values` that at least `share` of them do not exceed.
+
+    >>> percentile([3.0, 1.0, 2.0], 0.5)
+    2.0
+    """
+    ordered = sorted(values)
+    rank = math.ceil(share * len(ordered) - 1e-9)
+    return ordered[min(max(rank, 1), len(ordered)) - 1]
