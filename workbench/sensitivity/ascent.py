@@ -89,7 +89,8 @@ def ascend(
     for _ in range(rounds):
         together, first, second = _gradients(flow, goals, best, np.array(box.radius))
         base = best
-        for slope, step in itertools.product((together, first) if move_first else (None,), _STEPS):
+        leads = (None, together, first) if move_first else (None,)
+        for slope, step in itertools.product(leads, _STEPS):
             candidate = _moved(box, base, (slope, second), step)
             reached = goals.values(candidate.differences(flow))
             better = reached > values

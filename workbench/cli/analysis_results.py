@@ -1,0 +1,237 @@
+"""What the analysis commands compute and show in the same way: tubes, regions, distances, runs."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.claims import Rigor
+from workbench.cli.analysis_options import Subject, text_table
+from workbench.cli.output import Progress
+from workbench.errors import InputError
+from workbench.models.system import Ode, System
+from workbench.reach import Partitioned, ReachTube, SensitivityTube, TubeMethod, compute_tube
+from workbench.report.curves import SampledRuns, TubeCurves
+from workbench.sensitivity import (
+    Discrepancy,
+    GrowthMatrix,
+    Norm,
+    WeightedNorm,
+    derive_discrepancy,
+)
+from workbench.sensitivity.sampling import parameter_states, rollout, sample_initial_states
+from workbench.sets import Box
+
+Array = NDArray[np.float64]
+
+_RUN_STEP_S = 0.02
+# Instants of two grids that mean the same time differ by their rounding only.
+_SAME_S = 1e-12
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Counted:
+    """A tube method that reports each tube to a progress bar."""
+
+    method: TubeMethod
+    progress: Progress
+
+    def tube(self, system: System, *, initial_set: Box, horizon_s: float) -> ReachTube:
+        tube = self.method.tube(system, initial_set=initial_set, horizon_s=horizon_s)
+        self.progress.advance()
+        return tube
+
+
+def tube_of(
+    subject: Subject, *, horizon_s: float, step_s: float, parts: Mapping[str, int] | None = None
+) -> ReachTube:
+    """The subject's tube, with a progress bar; `parts` as `Partitioned` takes them."""
+    cells = math.prod((parts or {}).values())
+    with Progress("tube" if cells == 1 else f"tube of {cells} cells", cells) as progress:
+        method = _Counted(SensitivityTube(step_s=step_s), progress)
+        return compute_tube(
+            subject.system,
+            initial_set=subject.initial_set,
+            horizon_s=horizon_s,
+            method=Partitioned(method, parts) if parts else method,
+        )
+
+
+def hull_of(tube: ReachTube) -> Box:
+    """The smallest box that holds the whole tube. Raises InputError on a tube without a step."""
+    if not len(tube.lower):
+        raise InputError(
+            f"expected a tube with at least one step, got none: {tube.message}; shorten the step "
+            "or shrink the initial set"
+        )
+    rows = zip(tube.names, tube.lower.min(axis=0), tube.upper.max(axis=0), strict=True)
+    return Box.from_intervals({name: (float(low), float(high)) for name, low, high in rows})
+
+
+def first_exit(tube: ReachTube, region: Box) -> str:
+    """The state and time at which the tube first may leave the region, in words; '' if never."""
+    for k in range(len(tube.lower)):
+        for name in region.names:
+            low, high = region.interval(name)
+            i = tube.names.index(name)
+            if tube.lower[k, i] < low or tube.upper[k, i] > high:
+                return f"{name} may leave [{low:g}, {high:g}] from {tube.times[k]:.3f} s on"
+    return ""
+
+
+def ending(tube: ReachTube) -> str:
+    """How the tube ended, in one sentence."""
+    end = f"{tube.times[-1]:.3f} s"
+    if tube.complete:
+        return f"tube: {tube.status.name}, {tube.rigor.name}, proved up to {end}"
+    return f"tube: {tube.status.name}, {tube.rigor.name}, proved up to {end} only ({tube.message})"
+
+
+def bounds_at(tube: ReachTube, t_s: float) -> tuple[Array, Array]:
+    """Bounds (n,) at `t_s`: the instant's, else those of the step around it; NaN past the end."""
+    k = int(np.searchsorted(tube.times, t_s + _SAME_S, side="right")) - 1
+    if abs(tube.times[k] - t_s) <= _SAME_S:
+        return tube.lower_at[k], tube.upper_at[k]
+    if k >= len(tube.lower):
+        nothing = np.full(len(tube.names), np.nan)
+        return nothing, nothing
+    return tube.lower[k], tube.upper[k]
+
+
+def half_widths(tube: ReachTube, times_s: Array) -> Array:
+    """Half widths (M, n) of the tube at `times_s` (M,), s."""
+    pairs = [bounds_at(tube, t) for t in times_s.tolist()]
+    return np.array([0.5 * (upper - lower) for lower, upper in pairs])
+
+
+def distances_from(run: Array, tube: ReachTube, times_s: Array) -> Array:
+    """Bounds (M, n) on the distance of the tube's trajectories from `run` (M, n) at `times_s`."""
+    pairs = [bounds_at(tube, t) for t in times_s.tolist()]
+    return np.array(
+        [np.maximum(upper - x, x - lower) for (lower, upper), x in zip(pairs, run, strict=True)]
+    )
+
+
+def runs_at(system: System, states: Array, times_s: Array) -> Array:
+    """Runs (N, M, n) from `states` (N, n) at the rising instants `times_s` >= 0, all nominal."""
+    found, last, now = [], states, 0.0
+    for t in times_s.tolist():
+        if t > now:
+            step = (t - now) / math.ceil((t - now) / _RUN_STEP_S)
+            last = rollout(system, last, horizon_s=t - now, step_s=step)[:, -1]
+        found.append(last)
+        now = t
+    return np.stack(found, axis=1)
+
+
+def curve_times(horizon_s: float) -> Array:
+    """The instants at which curves are drawn."""
+    return np.linspace(0.0, horizon_s, max(1, math.ceil(horizon_s / 0.05 - 1e-9)) + 1)
+
+
+def centre_run(subject: Subject, times_s: Array) -> Array:
+    """The run (M, n) from the middle of the initial set."""
+    ordered = subject.initial_set.reordered(subject.system.ode.names)
+    return np.asarray(runs_at(subject.system, np.array([ordered.center]), times_s)[0])
+
+
+def sampled_distances(subject: Subject, times_s: Array, *, count: int, seed: int) -> Array:
+    """Largest distance (M, n) of sampled runs from the one of the middle, at `times_s`."""
+    ordered = subject.initial_set.reordered(subject.system.ode.names)
+    states = sample_initial_states(ordered, count=count, seed=seed)
+    runs = runs_at(subject.system, states, times_s)
+    return np.asarray(np.abs(runs - centre_run(subject, times_s)).max(axis=0))
+
+
+def sampled_runs(subject: Subject, *, horizon_s: float, count: int, seed: int) -> SampledRuns:
+    """Runs from the initial set with constant parameters and disturbances from their ranges."""
+    ode, times = subject.system.ode, curve_times(horizon_s)
+    rng = np.random.default_rng(seed)
+    states = rollout(
+        subject.system,
+        sample_initial_states(subject.initial_set.reordered(ode.names), count=count, seed=seed),
+        horizon_s=horizon_s,
+        step_s=horizon_s / (len(times) - 1),
+        parameters=parameter_states(ode.parameters, count, rng),
+        disturbances=parameter_states(ode.disturbances, count, rng),
+    )
+    return SampledRuns(times, states)
+
+
+def tube_curves(tube: ReachTube, ode: Ode) -> TubeCurves:
+    """The tube as the report takes it."""
+    return TubeCurves(
+        names=tube.names,
+        units=tuple(state.unit for state in ode.states),
+        times_s=tube.times,
+        lower=tube.lower,
+        upper=tube.upper,
+        lower_at=tube.lower_at,
+        upper_at=tube.upper_at,
+        rigor=tube.rigor,
+    )
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Derived:
+    """What one method proved, or why it could not, and its time."""
+
+    method: str
+    bound: Discrepancy | None
+    refusal: str
+    cost_s: float
+
+
+def derived(subject: Subject, region: Box, *, horizon_s: float, cells: int) -> list[Derived]:
+    """Every proved discrepancy there is, over `region`, with a progress bar."""
+    methods = {
+        "WeightedNorm MAX": WeightedNorm(Norm.MAX, None, cells),
+        "WeightedNorm SUM": WeightedNorm(Norm.SUM, None, cells),
+        "GrowthMatrix": GrowthMatrix(cells),
+    }
+    found = []
+    with Progress("bounds", len(methods)) as progress:
+        for name, method in methods.items():
+            started_s = time.perf_counter()
+            bound, refusal = None, ""
+            try:
+                bound = derive_discrepancy(
+                    subject.system, region=region, horizon_s=horizon_s, method=method
+                )
+            except InputError as error:
+                refusal = str(error)
+            found.append(Derived(name, bound, refusal, time.perf_counter() - started_s))
+            progress.advance()
+    return found
+
+
+def radii(bound: Discrepancy, subject: Subject, times_s: Array) -> Array:
+    """The bound's half widths (M, n) from the radius of the initial set."""
+    start = subject.initial_set.reordered(bound.names).radius
+    return np.array([bound.radius(start, t) for t in times_s.tolist()])
+
+
+def distance_table(
+    ode: Ode, times_s: Array, bounds: Mapping[str, tuple[Rigor, Array]]
+) -> str:
+    """One line per state and instant, one column per bound: (M, n) each."""
+    headings = ["state", "t (s)", *bounds]
+    rows: list[list[str | int | float | None]] = [
+        [
+            f"{state.name} ({state.unit})" if m == 0 else "",
+            f"{t:g}",
+            *(float(values[m, i]) for _, values in bounds.values()),
+        ]
+        for i, state in enumerate(ode.states)
+        for m, t in enumerate(times_s.tolist())
+    ]
+    rigors: list[str | int | float | None] = [rigor.name for rigor, _ in bounds.values()]
+    return text_table(headings, [["", "", *rigors], *rows])

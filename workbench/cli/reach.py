@@ -1,0 +1,205 @@
+"""`workbench reach`: a tube that contains every trajectory from the initial set."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from workbench.cli.analysis_options import (
+    Subject,
+    add_file_option,
+    add_subject_options,
+    add_time_options,
+    check_steps,
+    chosen_subject,
+    command_line,
+    shown_instants,
+    text_table,
+    writable_file,
+)
+from workbench.cli.common import write_text
+from workbench.cli.output import emit, warn
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.reach import ReachTube
+
+HELP = (
+    "Computes a tube that contains every trajectory from the initial set, for a vehicle's TRACK "
+    "loop in path coordinates or a benchmark loop. Exit status 1 when the proof ends before the "
+    "horizon."
+)
+EXAMPLE = """\
+workbench reach
+workbench reach --curvature -0.01 0.01 --parts offset=2,speed=2 --csv out/tube.csv
+workbench reach --system b1 --step 0.025 --plot out/tube.html
+"""
+
+_MOST_CELLS: Final = 4096
+_PLOTTED_RUNS: Final = 200
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Loop, time grid, partition, and the files to write."""
+    add_subject_options(parser)
+    add_time_options(parser, step_s=0.02)
+    parser.add_argument(
+        "--parts",
+        metavar="STATE=N,...",
+        help="split the initial set into N parts along each state named, and take the hull",
+    )
+    add_file_option(parser, "--csv", text="write the whole tube as a table")
+    add_file_option(parser, "--plot", text="write a page with the tube and sampled trajectories")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compute and show; 0 when the tube reaches the horizon, 1 when not."""
+    check_steps(args)
+    writable_file(args.csv, "--csv")
+    writable_file(args.plot, "--plot")
+    subject = chosen_subject(args)
+    parts = _parts(args.parts, subject)
+    from workbench.cli.analysis_results import ending, first_exit, tube_of
+
+    tube = tube_of(subject, horizon_s=args.horizon, step_s=args.step, parts=parts)
+    left = first_exit(tube, subject.region) if subject.region else ""
+    if args.csv:
+        write_text(args.csv, _table(tube))
+    if args.plot:
+        _write_page(args, subject, tube)
+    written = [file for file in (args.csv, args.plot) if file]
+    text = "\n".join(
+        [
+            f"{subject.name}: half widths of the set of reachable states",
+            half_width_text(subject, tube, horizon_s=args.horizon),
+            ending(tube),
+            *(f"wrote {file}" for file in written),
+        ]
+    )
+    data = {
+        "name": subject.name,
+        "parts": parts,
+        **tube_data(tube, horizon_s=args.horizon),
+        "leaves_operating_region": left or None,
+        "files": written,
+    }
+    emit(args, text, data)
+    if left:
+        warn(f"the tube is not inside the vehicle's operating region: {left}")
+    return 0 if tube.complete else 1
+
+
+def half_width_text(subject: Subject, tube: ReachTube, *, horizon_s: float) -> str:
+    """Half widths at the shown instants, one line per state."""
+    import numpy as np
+
+    from workbench.cli.analysis_results import half_widths
+
+    times = (0.0, *shown_instants(horizon_s))
+    values = half_widths(tube, np.array(times))
+    return text_table(
+        ["state", "unit", *(f"{t:g} s" for t in times)],
+        [
+            [state.name, state.unit, *(float(value) for value in values[:, i])]
+            for i, state in enumerate(subject.system.ode.states)
+        ],
+    )
+
+
+def tube_data(tube: ReachTube, *, horizon_s: float) -> dict[str, object]:
+    """Status, rigor and half widths of the tube, for JSON."""
+    import numpy as np
+
+    from workbench.cli.analysis_results import half_widths
+
+    times = (0.0, *shown_instants(horizon_s))
+    return {
+        "status": tube.status,
+        "rigor": tube.rigor,
+        "message": tube.message,
+        "horizon_s": horizon_s,
+        "proved_until_s": tube.times[-1],
+        "states": tube.names,
+        "instants_s": times,
+        "half_widths": half_widths(tube, np.array(times)),
+    }
+
+
+def _parts(text: str | None, subject: Subject) -> dict[str, int]:
+    if text is None:
+        return {}
+    parts: dict[str, int] = {}
+    names = subject.initial_set.names
+    for item in text.split(","):
+        name, _, number = (word.strip() for word in item.partition("="))
+        if not re.fullmatch(r"[1-9][0-9]{0,3}", number) or name in parts:
+            raise InputError(
+                f"--parts: expected STATE=N,... with each state once and N from 1 to 9999, "
+                f"got {text!r}; for example --parts offset=2,speed=2"
+            )
+        if name not in names:
+            raise InputError(f"--parts: unknown state {name!r}; the states are {', '.join(names)}")
+        low, high = subject.initial_set.interval(name)
+        if low == high and number != "1":
+            raise InputError(
+                f"--parts: expected states that the initial set gives a width, and {name} is "
+                f"exactly {low:g} there; leave it out"
+            )
+        parts[name] = int(number)
+    cells = 1
+    for each in parts.values():
+        cells *= each
+    if cells > _MOST_CELLS:
+        raise InputError(
+            f"--parts: expected at most {_MOST_CELLS} cells in all, got {cells}; split fewer states"
+        )
+    return parts
+
+
+def _table(tube: ReachTube) -> str:
+    """Instants and the steps between them in time order, every digit written."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    ends = [f"{name}_{end}" for name in tube.names for end in ("lower", "upper")]
+    writer.writerow(["kind", "from_s", "to_s", *ends])
+
+    def row(kind: str, span: tuple[int, int], low: list[float], high: list[float]) -> None:
+        times = [float(tube.times[k]) for k in span]
+        pairs = zip(low, high, strict=True)
+        writer.writerow([kind, *map(repr, [*times, *(end for pair in pairs for end in pair)])])
+
+    for k in range(len(tube.times)):
+        row("instant", (k, k), tube.lower_at[k].tolist(), tube.upper_at[k].tolist())
+        if k < len(tube.lower):
+            row("step", (k, k + 1), tube.lower[k].tolist(), tube.upper[k].tolist())
+    return text.getvalue()
+
+
+def _write_page(args: argparse.Namespace, subject: Subject, tube: ReachTube) -> None:
+    from workbench import __version__
+    from workbench.cli.analysis_results import ending, sampled_runs, tube_curves
+    from workbench.report.figures import tube_figure
+    from workbench.report.page import Block, Claim, Claims, Notice, Page, Section, write_page
+
+    blocks: list[Block] = []
+    if not tube.complete:
+        blocks.append(Notice("The proof ends early.", ending(tube)))
+    if len(tube.lower):
+        runs = sampled_runs(subject, horizon_s=args.horizon, count=_PLOTTED_RUNS, seed=1)
+        blocks.append(tube_figure(tube_curves(tube, subject.system.ode), runs))
+    statement = f"Every trajectory from the initial set stays in the tube up to {tube.times[-1]:g} s."
+    page = Page(
+        f"Reach tube of {subject.name}",
+        [ending(tube)],
+        [
+            Section("What is claimed", [Claims([Claim(statement, tube.rigor)])]),
+            Section("The tube", blocks),
+        ],
+        __version__,
+        command_line("reach", args),
+    )
+    write_page(Path(args.plot), page.html())
