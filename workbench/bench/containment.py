@@ -14,7 +14,7 @@ _SAME_TIME_S = 1e-9
 def bounds_at(tube: ReachTube, times: Array) -> tuple[Array, Array]:
     """What the tube says at each of `times` (m,), in s: lower and upper ends (m, n).
 
-    At an instant: the set there, cut with the segments on both sides. Between instants: the segment.
+    At an instant: the set there, cut with the segments on both sides. Between: the segment.
     Where the proof has ended (or has not begun) the tube says nothing: -inf and inf.
     """
     lower = np.full((len(times), len(tube.names)), -np.inf)
@@ -33,7 +33,7 @@ def bounds_at(tube: ReachTube, times: Array) -> tuple[Array, Array]:
 def escaping(
     tube: ReachTube, times: Array, runs: Array, *, allowance: float
 ) -> npt.NDArray[np.bool_]:
-    """Which runs (N, m, n) lie outside the tube by more than `allowance` at each of `times`: (N, m).
+    """Which runs (N, m, n) are outside the tube by more than `allowance`, per time (m,): (N, m).
 
     allowance: error of the runs themselves, in the states' units. NaN is outside.
     """

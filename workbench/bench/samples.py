@@ -98,9 +98,7 @@ def _block(system: System, states: Array, plan: SamplePlan, rng: np.random.Gener
         )
         parts.append(part[:, 1:, :])
         switches = rng.random(len(states)) < _SHARE_THAT_SWITCHES
-        values = np.where(
-            switches[:, None], _random_corners(corners, len(states), rng), values
-        )
+        values = np.where(switches[:, None], _random_corners(corners, len(states), rng), values)
     return np.concatenate(parts, axis=1)
 
 

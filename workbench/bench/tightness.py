@@ -23,10 +23,9 @@ class HorizonScore:
 
     covered: the proof reaches horizon_s (else every other number stops where the proof stops).
     escapes: trajectories outside at any sampled time, of `trajectories`, at `times_checked` times.
-    width_ratio: mean over the instants 0.05 k s, k >= 1, of tube width / sampled width, both of the
-    sets at the instant; None where no sampled set is wider than 1e-9.
-    excess_mean, excess_worst: how far a segment enclosure of 0.05 s reaches beyond the sampled hull of
-    the same segment, in the state's unit, mean over segments and both sides, and the largest.
+    width_ratio: mean over the instants 0.05 k s, k >= 1, of tube width / sampled width there; None where no sampled set is wider than 1e-9.
+    excess_mean, excess_worst: how far an enclosure of a 0.05 s segment reaches beyond the sampled hull
+    of the same segment, in the state's unit, mean over segments and both sides, and the largest.
     final_radius, final_sampled_radius: half widths of tube and samples at the last instant reached.
     """
 
@@ -122,7 +121,7 @@ class Samples:
         )
 
     def _excess(self, tube: ReachTube, at: Array, per_step: int) -> Array:
-        """Excess over the hull of each segment of 0.05 s, lower and upper side: (2, segments, n)."""
+        """Excess over each 0.05 s segment's hull, lower and upper side: (2, segments, n)."""
         rows: list[tuple[Array, Array]] = []
         for stop in at.astype(int):
             span = slice(stop - per_step, stop + 1)

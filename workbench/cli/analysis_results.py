@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -17,7 +17,7 @@ from workbench.cli.output import Progress
 from workbench.errors import InputError
 from workbench.models.system import Ode, System
 from workbench.reach import Partitioned, ReachTube, SensitivityTube, TubeMethod, compute_tube
-from workbench.report.curves import SampledRuns, TubeCurves
+from workbench.report.curves import Growth, Origin, SampledRuns, TubeCurves
 from workbench.sensitivity import (
     Discrepancy,
     GrowthMatrix,
@@ -219,9 +219,7 @@ def radii(bound: Discrepancy, subject: Subject, times_s: Array) -> Array:
     return np.array([bound.radius(start, t) for t in times_s.tolist()])
 
 
-def distance_table(
-    ode: Ode, times_s: Array, bounds: Mapping[str, tuple[Rigor, Array]]
-) -> str:
+def distance_table(ode: Ode, times_s: Array, bounds: Mapping[str, tuple[Rigor, Array]]) -> str:
     """One line per state and instant, one column per bound: (M, n) each."""
     headings = ["state", "t (s)", *bounds]
     rows: list[list[str | int | float | None]] = [
@@ -235,3 +233,33 @@ def distance_table(
     ]
     rigors: list[str | int | float | None] = [rigor.name for rigor, _ in bounds.values()]
     return text_table(headings, [["", "", *rigors], *rows])
+
+
+def growths(
+    subject: Subject,
+    times_s: Array,
+    *,
+    reached: Array,
+    tube: ReachTube | None,
+    bounds: Sequence[Derived],
+) -> list[Growth]:
+    """The curves that a page draws: `reached` (M, n) by samples, the tube, the derived bounds."""
+    curves = [Growth("sampled", Origin.SAMPLES, Rigor.SAMPLED, times_s, reached)]
+    if tube is not None:
+        shown = times_s[times_s <= tube.times[-1] + _SAME_S]
+        values = distances_from(centre_run(subject, shown), tube, shown)
+        curves.append(Growth("sensitivity tube", Origin.PROVED, tube.rigor, shown, values))
+    for each in bounds:
+        if each.bound is not None:
+            values = radii(each.bound, subject, times_s)
+            curves.append(
+                Growth(
+                    each.method,
+                    Origin.PROVED,
+                    each.bound.rigor,
+                    times_s,
+                    np.where(np.isfinite(values), values, np.nan),
+                    detail=each.bound.norm,
+                )
+            )
+    return curves

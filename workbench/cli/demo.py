@@ -29,13 +29,16 @@ workbench demo
 workbench demo --vehicle my_shuttle.toml --out out/my_demo
 """
 _HORIZON_S = 3.0
-_TUBE_STEP_S = 0.02
-_GRID_S = 0.1
+_TUBE_STEP_S = 0.025
+# Runs are integrated on the tube's own grid: a coarser one errs by more than the tube has slack where
+# the loop is linear, and would look like an escape.
+_GRID_S = _TUBE_STEP_S
 _PAIRS = 400
 _SAMPLES = 2000
 _SEED = 1
 _RELEASE_STEPS = 5
 _CLEARANCE_M = 0.2
+_PROVED = ("sensitivity + remainder", "weighted norm", "growth matrix")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -126,15 +129,20 @@ def _examined(
     import numpy as np
 
     from workbench.sensitivity import Examiner, ProvedEnvelope, cross_examine
+    from workbench.sensitivity.sampling import rollout
 
-    # About the tube's own centre line, so that the envelope is as tight as the tube.
-    half = tube.half_width_at()
+    # The examination measures distances from the run of the set's centre, about which a tube need
+    # not be symmetric: the larger side counts.
+    center = np.array([vehicle.initial_set.center])
+    steps = {"horizon_s": float(tube.times[-1]), "step_s": _TUBE_STEP_S}
+    nominal = rollout(_loop(vehicle), center, **steps)[0]
+    half = np.maximum(tube.upper_at - nominal, nominal - tube.lower_at)
 
     def half_widths(t_s: float) -> list[float]:
         return [float(np.interp(t_s, tube.times, half[:, i])) for i in range(half.shape[1])]
 
     envelope = ProvedEnvelope(
-        "sensitivity + remainder", half_widths, tube.rigor, "trajectories from the initial set"
+        _PROVED[0], half_widths, tube.rigor, "trajectories from the initial set"
     )
     return cross_examine(
         _loop(vehicle), initial_set=vehicle.initial_set, horizon_s=_HORIZON_S, learned=learned,
@@ -202,8 +210,8 @@ def _samples(vehicle: Vehicle):  # type: ignore[no-untyped-def]
     from workbench.sensitivity.sampling import instants, rollout, sample_initial_states
 
     starts = sample_initial_states(vehicle.initial_set, count=200, seed=_SEED)
-    runs = rollout(_loop(vehicle), starts, horizon_s=_HORIZON_S, step_s=_GRID_S / 2)
-    return SampledRuns(instants(_HORIZON_S, _GRID_S / 2), runs)
+    runs = rollout(_loop(vehicle), starts, horizon_s=_HORIZON_S, step_s=_GRID_S)
+    return SampledRuns(instants(_HORIZON_S, _GRID_S), runs)
 
 
 def _growths(examination: Examination, learned: Discrepancy) -> tuple[Growth, ...]:
@@ -214,11 +222,11 @@ def _growths(examination: Examination, learned: Discrepancy) -> tuple[Growth, ..
     verdict = examination.verdict.value.replace("_", " ").lower()
     return (
         Growth("sampled", Origin.SAMPLES, Rigor.SAMPLED, times, examination.driven,
-               detail="largest deviation found, gradient search included"),
+               detail="with gradient search"),
         Growth("learned", Origin.LEARNED, learned.rigor, times, examination.learned,
-               finding=verdict, detail=learned.norm),
-        *(Growth(curve.name, Origin.PROVED, curve.rigor, times, curve.half_widths,
-                 detail=curve.condition) for curve in examination.proved),
+               finding=verdict, detail=f"{_PAIRS} pairs"),
+        *(Growth(label, Origin.PROVED, curve.rigor, times, curve.half_widths)
+          for label, curve in zip(_PROVED, examination.proved, strict=True)),
     )  # fmt: skip
 
 

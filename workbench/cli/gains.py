@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     for warning in study.warnings:
         warn(warning)
     if not tube.complete:
-        warn(f"{ending(tube)}; gains, initial set or a longer step can be the cause")
+        warn(f"{ending(tube)}; the gains, a large initial set or a long step can be the cause")
     return 0
 
 

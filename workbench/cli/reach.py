@@ -191,7 +191,9 @@ def _write_page(args: argparse.Namespace, subject: Subject, tube: ReachTube) -> 
     if len(tube.lower):
         runs = sampled_runs(subject, horizon_s=args.horizon, count=_PLOTTED_RUNS, seed=1)
         blocks.append(tube_figure(tube_curves(tube, subject.system.ode), runs))
-    statement = f"Every trajectory from the initial set stays in the tube up to {tube.times[-1]:g} s."
+    statement = (
+        f"Every trajectory from the initial set stays in the tube up to {tube.times[-1]:g} s."
+    )
     page = Page(
         f"Reach tube of {subject.name}",
         [ending(tube)],

@@ -1,0 +1,91 @@
+"""`workbench bench`: tightness, escapes, time and memory of every tube, side by side."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from workbench.bench import ColdStart
+
+HELP: Final = (
+    "Score the desk tube and the compiled tube on the benchmark loops against the same sampled "
+    "trajectories, and time the compiled ones. The seed is fixed. Exit status 1 if any trajectory "
+    "leaves a tube."
+)
+EXAMPLE: Final = "workbench bench --quick --only B1 --only B2"
+
+_SEED: Final = 1
+_TRAJECTORIES: Final = 200_000
+_TRAJECTORIES_QUICK: Final = 20_000
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help=f"{_TRAJECTORIES_QUICK} trajectories per loop instead of {_TRAJECTORIES}",
+    )
+    parser.add_argument(
+        "--only",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="only this loop, such as B1-small (can be given more than once)",
+    )
+    parser.add_argument(
+        "--bundle",
+        type=Path,
+        metavar="DIR",
+        help="bundle whose cold start is measured (default: the shipped vehicle's, built for it)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure, print, and return 1 if any trajectory escapes."""
+    from workbench.bench import SamplePlan, bench_loops, kernel_time, score_loop
+    from workbench.bench.scoreboard import HORIZONS_S, SAMPLE_STEP_S, units_of_work
+    from workbench.bench.text import cold_start_text, tightness_text, times_text
+    from workbench.cli.main import CLAIM_FAILS, DONE
+    from workbench.cli.output import Progress, emit
+
+    loops = bench_loops(tuple(args.only))
+    count = _TRAJECTORIES_QUICK if args.quick else _TRAJECTORIES
+    plan = SamplePlan(count, max(HORIZONS_S), SAMPLE_STEP_S, _SEED)
+    cold = _cold_start(args.bundle)
+    times, scores = [], {}
+    with Progress("time of compiled kernels", len(loops)) as progress:
+        for loop in loops:
+            times.append(kernel_time(loop.benchmark))
+            progress.advance()
+    for loop in loops:
+        name = loop.benchmark.name
+        with Progress(f"tightness of {name}", units_of_work(plan)) as progress:
+            scores[name] = score_loop(loop, plan, advance=progress.advance)
+    texts = [tightness_text(loop, scores[loop.benchmark.name]) for loop in loops]
+    found = sum(method.horizons[-1].escapes for loop in scores.values() for method in loop)
+    verdict = f"escapes: {found} in all (seed {_SEED})"
+    text = "\n\n".join([*texts, times_text(times), cold_start_text(cold), verdict])
+    emit(
+        args,
+        text,
+        {"seed": _SEED, "trajectories": count, "escapes": found, "tightness": scores,
+         "times": times, "cold_start": cold},
+    )  # fmt: skip
+    return CLAIM_FAILS if found else DONE
+
+
+def _cold_start(bundle: Path | None) -> ColdStart:
+    from workbench.bench import cold_start
+
+    if bundle is not None:
+        return cold_start(bundle)
+    from workbench.codegen import MonitorSpec, build_bundle
+    from workbench.models.vehicle import gem_e2
+
+    with tempfile.TemporaryDirectory(prefix="workbench-") as folder:
+        spec = MonitorSpec(gem_e2(), horizon_s=3.0, step_s=0.05)
+        return cold_start(build_bundle(spec, Path(folder) / "bundle"))

@@ -1,0 +1,307 @@
+"""`workbench examine`: a learned bound against the proved ones, with a witness when it fails."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, final
+
+from workbench.cli.analysis_options import (
+    Subject,
+    add_subject_options,
+    add_time_options,
+    check_steps,
+    chosen_subject,
+    command_line,
+    count,
+    text_table,
+)
+from workbench.cli.common import add_output_option, writable_folder
+from workbench.cli.learn import add_sample_options, learned_bound
+from workbench.cli.output import Progress, emit, warn
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.cli.analysis_results import Derived
+    from workbench.reach import ReachTube
+    from workbench.report.curves import Growth
+    from workbench.sensitivity import Discrepancy, Examination, ProvedEnvelope
+    from workbench.sensitivity.witness import Witness
+
+HELP = (
+    "Holds a learned bound against samples, a gradient search and the proved bounds of the same "
+    "loop, set and horizon. Ends in refuted (with a witness that can be replayed), consistent, or "
+    "implied by proof. Exit status 1 when refuted."
+)
+EXAMPLE = """\
+workbench examine --out out/examine
+workbench examine --learned out/learned.json --samples 5000
+workbench examine --replay out/examine/witness.json
+"""
+
+_CELLS: Final = 256
+_TUBE_STEP_S: Final = 0.02
+_GOALS: Final = 4
+_TUBE: Final = "sensitivity tube"
+_VERDICTS: Final = {
+    "REFUTED": "refuted",
+    "CONSISTENT": "consistent (no pair breaks it; this proves nothing)",
+    "IMPLIED_BY_PROOF": "implied by proof",
+}
+_COVERAGE: Final = ["pairs", "number", "inside all along", "largest distance / bound"]
+_PROVED: Final = ["proved bound", "rigor", "implies the learned", "largest distance / bound"]
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Loop, time grid, how the bound is learned or read, how hard to try, where to write."""
+    add_subject_options(parser)
+    add_time_options(parser, step_s=0.05)
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument(
+        "--learned", type=Path, metavar="FILE", help="examine what `workbench learn --save` wrote"
+    )
+    source.add_argument(
+        "--replay", type=Path, metavar="FILE", help="only run the pair of a witness.json again"
+    )
+    add_sample_options(parser)
+    parser.add_argument(
+        "--samples", type=count, default=2000, metavar="N", help="pairs per group (default: 2000)"
+    )
+    parser.add_argument(
+        "--rounds", type=count, default=20, metavar="N", help="gradient steps (default: 20)"
+    )
+    parser.add_argument(
+        "--any-centre",
+        action="store_true",
+        help="also try pairs that do not contain the middle of the initial set",
+    )
+    add_output_option(parser, default="out/examine")
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Outcome:
+    """The examination with what went into it."""
+
+    subject: Subject
+    learned: Discrepancy
+    tube: ReachTube
+    methods: list[str]
+    found: Examination
+
+
+def run(args: argparse.Namespace) -> int:
+    """Examine, show and write; 1 when the bound is refuted."""
+    check_steps(args)
+    if args.replay:
+        return _replay(args)
+    folder = writable_folder(args.out)
+    from workbench.cli.learned_file import load_learned, save_witness
+    from workbench.sensitivity import ExaminationVerdict
+
+    subject = chosen_subject(args)
+    if args.learned:
+        learned = load_learned(args.learned, subject)
+        if learned.horizon_s < args.horizon:
+            raise InputError(
+                f"{args.learned}: expected a bound up to the horizon of {args.horizon:g} s, got "
+                f"one up to {learned.horizon_s:g} s; pass --horizon {learned.horizon_s:g} or learn "
+                "again"
+            )
+    else:
+        learned, _ = learned_bound(args, subject)
+    outcome = _outcome(args, subject, learned)
+    found = outcome.found
+    save_witness(folder / "witness.json", found.witness, subject, verdict=found.verdict.name)
+    _write_page(args, outcome, folder / "examine.html")
+    emit(args, _text(args, outcome), _data(args, outcome))
+    return 1 if found.verdict is ExaminationVerdict.REFUTED else 0
+
+
+def _outcome(args: argparse.Namespace, subject: Subject, learned: Discrepancy) -> _Outcome:
+    from workbench.cli.analysis_results import derived, hull_of, tube_of
+    from workbench.sensitivity import Examiner, cross_examine
+
+    # A whole number of tube steps between examined instants, so that each is a tube instant.
+    step_s = args.step / math.ceil(args.step / _TUBE_STEP_S)
+    tube = tube_of(subject, horizon_s=args.horizon, step_s=step_s)
+    bounds: list[Derived] = []
+    if tube.complete:
+        bounds = derived(subject, hull_of(tube), horizon_s=args.horizon, cells=_CELLS)
+        bounds = [each for each in bounds if each.bound]
+    proved = [each.bound for each in bounds if each.bound]
+    with Progress("examining", 1):
+        found = cross_examine(
+            subject.system,
+            initial_set=subject.initial_set,
+            horizon_s=args.horizon,
+            learned=learned,
+            proved=[*proved, *_envelope(args, subject, tube)],
+            method=Examiner(
+                samples=args.samples,
+                seed=args.seed + 1,  # other pairs than those it was learned from
+                step_s=args.step,
+                goals_per_coordinate=_GOALS,
+                rounds=args.rounds,
+                any_centre=args.any_centre,
+            ),
+        )
+    return _Outcome(subject, learned, tube, [each.method for each in bounds], found)
+
+
+def _envelope(
+    args: argparse.Namespace, subject: Subject, tube: ReachTube
+) -> tuple[ProvedEnvelope, ...]:
+    """The tube about the run from the middle; nothing where the tube ends early."""
+    from workbench.cli.analysis_results import centre_run, distances_from, ending
+    from workbench.sensitivity import ProvedEnvelope
+    from workbench.sensitivity.sampling import instants
+
+    if not tube.complete:
+        warn(f"{ending(tube)}; the proved bounds are left out")
+        return ()
+    times = instants(args.horizon, args.step)
+    rows = distances_from(centre_run(subject, times), tube, times)
+    by_time = dict(zip(times.tolist(), rows.tolist(), strict=True))
+    condition = "one of the two runs starts in the middle of the initial set"
+    return (ProvedEnvelope(_TUBE, by_time.__getitem__, tube.rigor, condition),)
+
+
+def _replay(args: argparse.Namespace) -> int:
+    from workbench.cli.learned_file import load_witness
+
+    subject = chosen_subject(args)
+    witness = load_witness(args.replay, subject)
+    distance = witness.replay(subject.system)
+    refutes = distance - witness.integration_error > witness.bound
+    text = f"{_told(witness)}\nreplayed: the distance is {distance!r}; the bound is " + (
+        "refuted" if refutes else "not refuted by this pair"
+    )
+    data = {"witness": witness, "replayed_distance": distance, "refutes": refutes}
+    emit(args, text, data)
+    return 1 if refutes else 0
+
+
+def _told(witness: Witness) -> str:
+    return (
+        f"witness: two runs are {witness.distance:.6g} apart in {witness.coordinate} at "
+        f"{witness.time_s:g} s (integration error {witness.integration_error:.1e}), where the bound "
+        f"says {witness.bound:.6g}"
+    )
+
+
+def _lead(outcome: _Outcome) -> list[str]:
+    found = outcome.found
+    verdict = f"verdict: {_VERDICTS[found.verdict.name]}"
+    return [verdict, *([_told(found.witness)] if found.witness else [])]
+
+
+def _proved_rows(outcome: _Outcome) -> list[list[str | int | float | None]]:
+    return [
+        [name, curve.rigor.name, "yes" if curve.implies_learned else "no", curve.worst_ratio]
+        for name, curve in zip([*outcome.methods, _TUBE], outcome.found.proved, strict=False)
+    ]
+
+
+def _coverage_rows(found: Examination) -> list[list[str | int | float | None]]:
+    return [
+        [each.group, each.pairs, f"{each.whole_run:.2%}", each.worst_ratio]
+        for each in found.coverage
+    ]
+
+
+def _text(args: argparse.Namespace, outcome: _Outcome) -> str:
+    found = outcome.found
+    tables = [text_table(_COVERAGE, _coverage_rows(found))]
+    if found.proved:
+        tables += ["", text_table(_PROVED, _proved_rows(outcome))]
+    return "\n".join(
+        [
+            f"{outcome.subject.name}: a learned bound on trial up to {args.horizon:g} s",
+            *_lead(outcome),
+            "",
+            *tables,
+            "",
+            f"wrote {args.out / 'examine.html'} and {args.out / 'witness.json'}",
+        ]
+    )
+
+
+def _data(args: argparse.Namespace, outcome: _Outcome) -> dict[str, object]:
+    found = outcome.found
+    return {
+        "name": outcome.subject.name,
+        "verdict": found.verdict,
+        "horizon_s": args.horizon,
+        "witness": found.witness,
+        "coverage": [
+            {"group": c.group, "pairs": c.pairs, "whole_run": c.whole_run, "worst": c.worst_ratio}
+            for c in found.coverage
+        ],
+        "proved": [
+            {"method": row[0], "rigor": row[1], "implies_learned": row[2] == "yes", "worst": row[3]}
+            for row in _proved_rows(outcome)
+        ],
+        "tube_status": outcome.tube.status,
+        "files": [args.out / "examine.html", args.out / "witness.json"],
+    }
+
+
+def _curves(outcome: _Outcome) -> list[Growth]:
+    from workbench.claims import Rigor
+    from workbench.report.curves import Growth, Origin
+
+    found, verdict = outcome.found, _VERDICTS[outcome.found.verdict.name]
+    curves = [
+        Growth("sampled and driven", Origin.SAMPLES, Rigor.SAMPLED, found.times, found.driven),
+        Growth(
+            "learned",
+            Origin.LEARNED,
+            Rigor.SAMPLED,
+            found.times,
+            found.learned,
+            finding=verdict,
+            detail=outcome.learned.norm,
+        ),
+    ]
+    for name, curve in zip([*outcome.methods, _TUBE], found.proved, strict=False):
+        detail = f"holds when {curve.condition}"
+        curves.append(
+            Growth(name, Origin.PROVED, curve.rigor, found.times, curve.half_widths, detail=detail)
+        )
+    return curves
+
+
+def _write_page(args: argparse.Namespace, outcome: _Outcome, target: Path) -> None:
+    from workbench import __version__
+    from workbench.report.figures import comparison_table, growth_figure
+    from workbench.report.page import Page, Paragraph, Section, write_page
+    from workbench.report.tables import Table
+
+    ode, curves = outcome.subject.system.ode, _curves(outcome)
+    units = [state.unit for state in ode.states]
+    page = Page(
+        f"Cross-examination of a learned bound for {outcome.subject.name}",
+        _lead(outcome),
+        [
+            Section(
+                "The learned bound", [Paragraph(f"It holds when {outcome.learned.condition}.")]
+            ),
+            Section(
+                "Growth over time",
+                [
+                    growth_figure(curves, names=ode.names, units=units),
+                    comparison_table(curves, names=ode.names),
+                ],
+            ),
+            Section(
+                "Coverage",
+                [Table("pairs within the bound", _COVERAGE, _coverage_rows(outcome.found))],
+            ),
+        ],
+        __version__,
+        command_line("examine", args),
+    )
+    write_page(target, page.html())
