@@ -2,4 +2,5 @@
 
 
 class InputError(ValueError):
-    """Input that cannot be used; the message says what was expected, what came and how to mend it."""
+    """Input that cannot be used; the message says what was expected, what came and how to mend
+    it."""

@@ -66,8 +66,8 @@ def score_loop(
 ) -> tuple[MethodScore, ...]:
     """Both tubes of one loop against the same samples; `advance` counts finished units of work.
 
-    One tube over `plan.horizon_s` serves every horizon in it: a longer run starts with the rows of a
-    shorter one. `units_of_work(plan)` says how many units there are.
+    One tube over `plan.horizon_s` serves every horizon in it: a longer run starts with the rows of
+    a shorter one. `units_of_work(plan)` says how many units there are.
     """
     benchmark = loop.benchmark
     start = time.perf_counter()

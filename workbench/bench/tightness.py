@@ -23,9 +23,10 @@ class HorizonScore:
 
     covered: the proof reaches horizon_s (else every other number stops where the proof stops).
     escapes: trajectories outside at any sampled time, of `trajectories`, at `times_checked` times.
-    width_ratio: mean over the instants 0.05 k s, k >= 1, of tube width / sampled width there; None where no sampled set is wider than 1e-9.
-    excess_mean, excess_worst: how far an enclosure of a 0.05 s segment reaches beyond the sampled hull
-    of the same segment, in the state's unit, mean over segments and both sides, and the largest.
+    width_ratio: mean over the instants 0.05 k s, k >= 1, of tube width / sampled width there; None
+    where no sampled set is wider than 1e-9.
+    excess_mean, excess_worst: how far an enclosure of a 0.05 s segment reaches beyond the sampled
+    hull of the same segment, in the state's unit: mean over segments and sides, and largest.
     final_radius, final_sampled_radius: half widths of tube and samples at the last instant reached.
     """
 

@@ -18,13 +18,17 @@ from workbench.errors import InputError
 from workbench.models.system import Ode, System
 from workbench.reach import Partitioned, ReachTube, SensitivityTube, TubeMethod, compute_tube
 from workbench.report.curves import Growth, Origin, SampledRuns, TubeCurves
+from workbench.report.figures import comparison_table, growth_figure
+from workbench.report.page import Paragraph, Section
 from workbench.sensitivity import (
     Discrepancy,
     GrowthMatrix,
     Norm,
+    ProvedEnvelope,
     WeightedNorm,
     derive_discrepancy,
 )
+from workbench.sensitivity.discrepancy import DerivationMethod
 from workbench.sensitivity.sampling import parameter_states, rollout, sample_initial_states
 from workbench.sets import Box
 
@@ -147,7 +151,8 @@ def sampled_distances(subject: Subject, times_s: Array, *, count: int, seed: int
     ordered = subject.initial_set.reordered(subject.system.ode.names)
     states = sample_initial_states(ordered, count=count, seed=seed)
     runs = runs_at(subject.system, states, times_s)
-    return np.asarray(np.abs(runs - centre_run(subject, times_s)).max(axis=0))
+    with np.errstate(invalid="ignore"):  # runs of an unstable loop may leave the finite numbers
+        return np.asarray(np.abs(runs - centre_run(subject, times_s)).max(axis=0))
 
 
 def sampled_runs(subject: Subject, *, horizon_s: float, count: int, seed: int) -> SampledRuns:
@@ -192,7 +197,7 @@ class Derived:
 
 def derived(subject: Subject, region: Box, *, horizon_s: float, cells: int) -> list[Derived]:
     """Every proved discrepancy there is, over `region`, with a progress bar."""
-    methods = {
+    methods: dict[str, DerivationMethod] = {
         "WeightedNorm MAX": WeightedNorm(Norm.MAX, None, cells),
         "WeightedNorm SUM": WeightedNorm(Norm.SUM, None, cells),
         "GrowthMatrix": GrowthMatrix(cells),
@@ -259,7 +264,27 @@ def growths(
                     each.bound.rigor,
                     times_s,
                     np.where(np.isfinite(values), values, np.nan),
-                    detail=each.bound.norm,
                 )
             )
     return curves
+
+
+def envelope_of(subject: Subject, tube: ReachTube, times_s: Array) -> ProvedEnvelope:
+    """A complete tube as a bound about the run from the middle, for the instants `times_s`."""
+    rows = distances_from(centre_run(subject, times_s), tube, times_s).tolist()
+    by_time = dict(zip(times_s.tolist(), rows, strict=True))
+    condition = "one of the two runs starts in the middle of the initial set"
+    return ProvedEnvelope("sensitivity tube", by_time.__getitem__, tube.rigor, condition)
+
+
+def growth_section(curves: Sequence[Growth], ode: Ode) -> Section:
+    """The curves in pictures and side by side."""
+    units = [state.unit for state in ode.states]
+    return Section(
+        "Growth over time",
+        [
+            Paragraph("Bounds on the distance from the run that starts in the middle of the set."),
+            growth_figure(curves, names=ode.names, units=units),
+            comparison_table(curves, names=ode.names),
+        ],
+    )

@@ -9,8 +9,10 @@ from workbench.cli.common import add_vehicle_option, chosen_vehicle
 from workbench.cli.output import emit
 
 HELP = (
-    "Compiles the monitor of a vehicle file into a bundle: a folder with the shared object, its C text, "
-    "a manifest with golden vectors, and checksums. The bundle is loaded and tried before success is "
+    "Compiles the monitor of a vehicle file into a bundle: a folder with the shared object, its C "
+    "text, "
+    "a manifest with golden vectors, and checksums. The bundle is loaded and tried before success "
+    "is "
     "reported."
 )
 EXAMPLE = """\
@@ -32,10 +34,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def add_grid_options(parser: argparse.ArgumentParser) -> None:
     """Add `--horizon` and `--step`, the grid of the compiled tube."""
     parser.add_argument(
-        "--horizon", type=float, default=3.0, metavar="S", help="length of every tube, s (default: 3)"
+        "--horizon",
+        type=float,
+        default=3.0,
+        metavar="S",
+        help="length of every tube, s (default: 3)",
     )
     parser.add_argument(
-        "--step", type=float, default=0.025, metavar="S", help="step of the tube, s (default: 0.025)"
+        "--step",
+        type=float,
+        default=0.025,
+        metavar="S",
+        help="step of the tube, s (default: 0.025)",
     )
 
 

@@ -1,4 +1,5 @@
-"""`workbench demo`: the whole chain on one vehicle, from the symbolic loop to a page of decisions."""
+"""`workbench demo`: the whole chain on one vehicle, from the symbolic loop to a page of
+decisions."""
 
 from __future__ import annotations
 
@@ -8,7 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, final
 
 from workbench import __version__
-from workbench.cli.common import add_output_option, add_vehicle_option, chosen_vehicle, writable_folder
+from workbench.cli.common import (
+    add_output_option,
+    add_vehicle_option,
+    chosen_vehicle,
+    writable_folder,
+)
 from workbench.cli.output import Progress, emit
 
 if TYPE_CHECKING:
@@ -30,8 +36,8 @@ workbench demo --vehicle my_shuttle.toml --out out/my_demo
 """
 _HORIZON_S = 3.0
 _TUBE_STEP_S = 0.025
-# Runs are integrated on the tube's own grid: a coarser one errs by more than the tube has slack where
-# the loop is linear, and would look like an escape.
+# Runs are integrated on the tube's own grid: a coarser one errs by more than the tube has slack
+# where the loop is linear, and would look like an escape.
 _GRID_S = _TUBE_STEP_S
 _PAIRS = 400
 _SAMPLES = 2000
@@ -134,8 +140,8 @@ def _examined(
     # The examination measures distances from the run of the set's centre, about which a tube need
     # not be symmetric: the larger side counts.
     center = np.array([vehicle.initial_set.center])
-    steps = {"horizon_s": float(tube.times[-1]), "step_s": _TUBE_STEP_S}
-    nominal = rollout(_loop(vehicle), center, **steps)[0]
+    end_s = float(tube.times[-1])
+    nominal = rollout(_loop(vehicle), center, horizon_s=end_s, step_s=_TUBE_STEP_S)[0]
     half = np.maximum(tube.upper_at - nominal, nominal - tube.lower_at)
 
     def half_widths(t_s: float) -> list[float]:

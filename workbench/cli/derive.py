@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 HELP = (
     "Derives proved bounds on how far trajectories spread: every discrepancy there is, over a "
     "region, and the sensitivity tube from the initial set. Exit status 1 when a bound cannot be "
-    "derived, or when the tube does not show that trajectories stay in the region until the horizon."
+    "derived, or when the tube does not show that trajectories stay in the region to the end."
 )
 EXAMPLE = """\
 workbench derive
@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _outcome(args: argparse.Namespace, subject: Subject) -> _Outcome:
-    from workbench.cli.analysis_results import derived, ending, first_exit, hull_of, tube_of
+    from workbench.cli.analysis_results import derived, first_exit, hull_of, tube_of
 
     started_s = time.perf_counter()
     tube = tube_of(subject, horizon_s=args.horizon, step_s=args.step)
@@ -105,7 +105,7 @@ def _outcome(args: argparse.Namespace, subject: Subject) -> _Outcome:
     region = own or hull_of(tube)
     left = first_exit(tube, region)
     if not tube.complete:
-        condition = f"not shown, as the tube ends early: {ending(tube)}"
+        condition = "not shown, as the tube ends early"
     elif left:
         condition = f"not shown for this initial set: {left}"
     else:
@@ -197,15 +197,18 @@ def _data(args: argparse.Namespace, outcome: _Outcome) -> dict[str, object]:
 
 def _write_page(args: argparse.Namespace, outcome: _Outcome) -> None:
     from workbench import __version__
-    from workbench.cli.analysis_results import curve_times, growths, sampled_distances
-    from workbench.report.figures import comparison_table, growth_figure
-    from workbench.report.page import Claim, Claims, Page, Paragraph, Section, write_page
+    from workbench.cli.analysis_results import (
+        curve_times,
+        growth_section,
+        growths,
+        sampled_distances,
+    )
+    from workbench.report.page import Claim, Claims, Page, Section, write_page
 
     subject, tube = outcome.subject, outcome.tube
     ode, times = subject.system.ode, curve_times(args.horizon)
     reached = sampled_distances(subject, times, count=_SAMPLES, seed=_SEED)
     curves = growths(subject, times, reached=reached, tube=tube, bounds=outcome.bounds)
-    units = [state.unit for state in ode.states]
     claims = [
         Claim(f"{each.method}: {each.bound.norm}. It holds when {each.bound.condition}.",
               each.bound.rigor)
@@ -218,14 +221,7 @@ def _write_page(args: argparse.Namespace, outcome: _Outcome) -> None:
         [f"Staying in the region: {outcome.condition}."],
         [
             Section("What is claimed", [Claims(claims)]),
-            Section(
-                "Growth over time",
-                [
-                    Paragraph("Distance from the run that starts in the middle of the set."),
-                    growth_figure(curves, names=ode.names, units=units),
-                    comparison_table(curves, names=ode.names),
-                ],
-            ),
+            growth_section(curves, ode),
         ],
         __version__,
         command_line("derive", args),

@@ -24,7 +24,6 @@ from workbench.cli.output import Progress, emit, warn
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
-    from workbench.cli.analysis_results import Derived
     from workbench.reach import ReachTube
     from workbench.report.curves import Growth
     from workbench.sensitivity import Discrepancy, Examination, ProvedEnvelope
@@ -44,6 +43,7 @@ workbench examine --replay out/examine/witness.json
 _CELLS: Final = 256
 _TUBE_STEP_S: Final = 0.02
 _GOALS: Final = 4
+_ROUNDING: Final = 1e-9
 _TUBE: Final = "sensitivity tube"
 _VERDICTS: Final = {
     "REFUTED": "refuted",
@@ -57,7 +57,7 @@ _PROVED: Final = ["proved bound", "rigor", "implies the learned", "largest dista
 def configure(parser: argparse.ArgumentParser) -> None:
     """Loop, time grid, how the bound is learned or read, how hard to try, where to write."""
     add_subject_options(parser)
-    add_time_options(parser, step_s=0.05)
+    add_time_options(parser, step_s=0.02)
     source = parser.add_mutually_exclusive_group()
     source.add_argument(
         "--learned", type=Path, metavar="FILE", help="examine what `workbench learn --save` wrote"
@@ -117,28 +117,34 @@ def run(args: argparse.Namespace) -> int:
     save_witness(folder / "witness.json", found.witness, subject, verdict=found.verdict.name)
     _write_page(args, outcome, folder / "examine.html")
     emit(args, _text(args, outcome), _data(args, outcome))
+    for doubt in _doubts(outcome):
+        warn(doubt)
     return 1 if found.verdict is ExaminationVerdict.REFUTED else 0
 
 
 def _outcome(args: argparse.Namespace, subject: Subject, learned: Discrepancy) -> _Outcome:
-    from workbench.cli.analysis_results import derived, hull_of, tube_of
+    from workbench.cli.analysis_results import derived, ending, envelope_of, hull_of, tube_of
     from workbench.sensitivity import Examiner, cross_examine
+    from workbench.sensitivity.sampling import instants
 
     # A whole number of tube steps between examined instants, so that each is a tube instant.
     step_s = args.step / math.ceil(args.step / _TUBE_STEP_S)
     tube = tube_of(subject, horizon_s=args.horizon, step_s=step_s)
-    bounds: list[Derived] = []
+    proved: dict[str, Discrepancy | ProvedEnvelope] = {}
     if tube.complete:
-        bounds = derived(subject, hull_of(tube), horizon_s=args.horizon, cells=_CELLS)
-        bounds = [each for each in bounds if each.bound]
-    proved = [each.bound for each in bounds if each.bound]
+        for each in derived(subject, hull_of(tube), horizon_s=args.horizon, cells=_CELLS):
+            if each.bound:
+                proved[each.method] = each.bound
+        proved[_TUBE] = envelope_of(subject, tube, instants(args.horizon, args.step))
+    else:
+        warn(f"{ending(tube)}; the proved bounds are left out")
     with Progress("examining", 1):
         found = cross_examine(
             subject.system,
             initial_set=subject.initial_set,
             horizon_s=args.horizon,
             learned=learned,
-            proved=[*proved, *_envelope(args, subject, tube)],
+            proved=list(proved.values()),
             method=Examiner(
                 samples=args.samples,
                 seed=args.seed + 1,  # other pairs than those it was learned from
@@ -148,25 +154,7 @@ def _outcome(args: argparse.Namespace, subject: Subject, learned: Discrepancy) -
                 any_centre=args.any_centre,
             ),
         )
-    return _Outcome(subject, learned, tube, [each.method for each in bounds], found)
-
-
-def _envelope(
-    args: argparse.Namespace, subject: Subject, tube: ReachTube
-) -> tuple[ProvedEnvelope, ...]:
-    """The tube about the run from the middle; nothing where the tube ends early."""
-    from workbench.cli.analysis_results import centre_run, distances_from, ending
-    from workbench.sensitivity import ProvedEnvelope
-    from workbench.sensitivity.sampling import instants
-
-    if not tube.complete:
-        warn(f"{ending(tube)}; the proved bounds are left out")
-        return ()
-    times = instants(args.horizon, args.step)
-    rows = distances_from(centre_run(subject, times), tube, times)
-    by_time = dict(zip(times.tolist(), rows.tolist(), strict=True))
-    condition = "one of the two runs starts in the middle of the initial set"
-    return (ProvedEnvelope(_TUBE, by_time.__getitem__, tube.rigor, condition),)
+    return _Outcome(subject, learned, tube, list(proved), found)
 
 
 def _replay(args: argparse.Namespace) -> int:
@@ -187,8 +175,8 @@ def _replay(args: argparse.Namespace) -> int:
 def _told(witness: Witness) -> str:
     return (
         f"witness: two runs are {witness.distance:.6g} apart in {witness.coordinate} at "
-        f"{witness.time_s:g} s (integration error {witness.integration_error:.1e}), where the bound "
-        f"says {witness.bound:.6g}"
+        f"{witness.time_s:g} s (integration error {witness.integration_error:.1e}), where the "
+        f"bound says {witness.bound:.6g}"
     )
 
 
@@ -198,10 +186,20 @@ def _lead(outcome: _Outcome) -> list[str]:
     return [verdict, *([_told(found.witness)] if found.witness else [])]
 
 
+def _doubts(outcome: _Outcome) -> list[str]:
+    """A run beyond a proved bound must not pass in silence, whatever its cause."""
+    return [
+        f"a run lies beyond the proved bound {name} by the factor {curve.worst_ratio:.9g}: the "
+        "integration error of the runs, or a defect of the proof; try a shorter --step"
+        for name, curve in zip(outcome.methods, outcome.found.proved, strict=True)
+        if curve.worst_ratio > 1.0 + _ROUNDING
+    ]
+
+
 def _proved_rows(outcome: _Outcome) -> list[list[str | int | float | None]]:
     return [
         [name, curve.rigor.name, "yes" if curve.implies_learned else "no", curve.worst_ratio]
-        for name, curve in zip([*outcome.methods, _TUBE], outcome.found.proved, strict=False)
+        for name, curve in zip(outcome.methods, outcome.found.proved, strict=True)
     ]
 
 
@@ -266,7 +264,7 @@ def _curves(outcome: _Outcome) -> list[Growth]:
             detail=outcome.learned.norm,
         ),
     ]
-    for name, curve in zip([*outcome.methods, _TUBE], found.proved, strict=False):
+    for name, curve in zip(outcome.methods, found.proved, strict=True):
         detail = f"holds when {curve.condition}"
         curves.append(
             Growth(name, Origin.PROVED, curve.rigor, found.times, curve.half_widths, detail=detail)
@@ -276,26 +274,19 @@ def _curves(outcome: _Outcome) -> list[Growth]:
 
 def _write_page(args: argparse.Namespace, outcome: _Outcome, target: Path) -> None:
     from workbench import __version__
-    from workbench.report.figures import comparison_table, growth_figure
+    from workbench.cli.analysis_results import growth_section
     from workbench.report.page import Page, Paragraph, Section, write_page
     from workbench.report.tables import Table
 
     ode, curves = outcome.subject.system.ode, _curves(outcome)
-    units = [state.unit for state in ode.states]
     page = Page(
         f"Cross-examination of a learned bound for {outcome.subject.name}",
-        _lead(outcome),
+        [*_lead(outcome), *_doubts(outcome)],
         [
             Section(
                 "The learned bound", [Paragraph(f"It holds when {outcome.learned.condition}.")]
             ),
-            Section(
-                "Growth over time",
-                [
-                    growth_figure(curves, names=ode.names, units=units),
-                    comparison_table(curves, names=ode.names),
-                ],
-            ),
+            growth_section(curves, ode),
             Section(
                 "Coverage",
                 [Table("pairs within the bound", _COVERAGE, _coverage_rows(outcome.found))],

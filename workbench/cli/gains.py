@@ -56,7 +56,8 @@ def run(args: argparse.Namespace) -> int:
     tube = tube_of(subject, horizon_s=args.horizon, step_s=args.step)
     text = "\n".join(
         [
-            f"{study.vehicle} on a straight path at {study.speed_mps:g} m/s: {study.verdict.message}",
+            f"{study.vehicle} on a straight path at {study.speed_mps:g} m/s: "
+            f"{study.verdict.message}",
             "",
             _pole_text(study),
             "",

@@ -41,7 +41,7 @@ _MOST_PAIRS: Final = 2_000_000
 def configure(parser: argparse.ArgumentParser) -> None:
     """Loop, time grid, sample, and the file to write."""
     add_subject_options(parser)
-    add_time_options(parser, step_s=0.05)
+    add_time_options(parser, step_s=0.02)
     add_sample_options(parser)
     add_file_option(parser, "--save", text="write the bound as JSON, for `workbench examine`")
 

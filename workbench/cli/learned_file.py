@@ -17,7 +17,6 @@ from workbench.sensitivity.learned import ExponentialEnvelope
 from workbench.sensitivity.sampling import step_count
 from workbench.sensitivity.scenario import ScenarioStatement
 from workbench.sensitivity.witness import Witness
-from workbench.sets import Box
 
 _LEARNED: Final = "learned discrepancy 1"
 _WITNESS: Final = "witness 1"

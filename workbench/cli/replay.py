@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING
 
 from workbench import __version__
 from workbench.cli.build import add_grid_options
-from workbench.cli.common import add_output_option, add_vehicle_option, chosen_vehicle, writable_folder
+from workbench.cli.common import (
+    add_output_option,
+    add_vehicle_option,
+    chosen_vehicle,
+    writable_folder,
+)
 from workbench.cli.output import Progress, emit
 from workbench.errors import InputError
 
@@ -21,8 +26,10 @@ if TYPE_CHECKING:
     from workbench.simulation.replay import ReplayResult, ReplaySettings
 
 HELP = (
-    "Runs a monitor over one recording, sample by sample in time order, and writes replay.jsonl and "
-    "report.html. Columns of the recordings: docs/data-format.md. Without --bundle one is built from "
+    "Runs a monitor over one recording, sample by sample in time order, and writes replay.jsonl "
+    "and "
+    "report.html. Columns of the recordings: docs/data-format.md. Without --bundle one is built "
+    "from "
     "the vehicle's gains and the recording's own shape (analysis extra)."
 )
 EXAMPLE = """\
@@ -37,10 +44,16 @@ _GEOMETRY_TOLERANCE_M = 1e-3
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="folder with the recordings' CSV files")
+    parser.add_argument(
+        "folder", type=Path, metavar="FOLDER", help="folder with the recordings' CSV files"
+    )
     parser.add_argument("--recording", required=True, metavar="NAME", help="name of the recording")
-    parser.add_argument("--agent", metavar="NAME", help="which vehicle, where a recording has several")
-    parser.add_argument("--bundle", type=Path, metavar="DIR", help="bundle to run (default: build one)")
+    parser.add_argument(
+        "--agent", metavar="NAME", help="which vehicle, where a recording has several"
+    )
+    parser.add_argument(
+        "--bundle", type=Path, metavar="DIR", help="bundle to run (default: build one)"
+    )
     add_vehicle_option(parser)
     add_grid_options(parser)
     add_output_option(parser, default="out/replay")
@@ -63,16 +76,26 @@ def run(args: argparse.Namespace) -> int:
     bundle = _bundle(args, vehicle)
     monitor = Monitor(bundle, path, release_steps=_RELEASE_STEPS, clearance_required_m=_CLEARANCE_M)
     with Progress("replay", len(recording.vehicle)) as bar:
-        result = replay(recording, monitor, settings=settings, progress=lambda done, total: bar.advance())
+
+        def advance(_done: int, _total: int) -> None:
+            bar.advance()
+
+        result = replay(recording, monitor, settings=settings, progress=advance)
     table = _settings_table(bundle, settings)
-    header = {"recording": recording.name, "settings": dict(table.rows), "notes": result.notes}
+    header = {
+        "recording": recording.name,
+        "settings": {str(row[0]): row[1] for row in table.rows},
+        "notes": result.notes,
+    }
     write_log(out / "replay.jsonl", header, result.entries)
     report = ReplayReport(
-        recording.name, result.summary_line(), tuple(entry.frame for entry in result.entries), table,
+        recording.name, result.summary_line(), tuple(e.frame for e in result.entries), table,
         (), result.notes, bundle.manifest.assumptions,
     )  # fmt: skip
     command = f"workbench replay FOLDER --recording {recording.name}"
-    write_page(out / "report.html", replay_page(report, version=__version__, command=command).html())
+    write_page(
+        out / "report.html", replay_page(report, version=__version__, command=command).html()
+    )
     emit(args, f"{result.summary_line()}\nlog {out / 'replay.jsonl'}, report {out / 'report.html'}",
          _data(result, out))  # fmt: skip
     return 0
@@ -93,8 +116,10 @@ def _bundle(args: argparse.Namespace, vehicle: Vehicle) -> Bundle:
         have, want = getattr(built, key), getattr(driven, key)
         if abs(have - want) > _GEOMETRY_TOLERANCE_M:
             raise InputError(
-                f"the bundle {args.bundle} is for {built.name} with {key} = {have:g}, the recorded car has "
-                f"{want:g}; leave --bundle out to build one for it, or build one from a vehicle file with "
+                f"the bundle {args.bundle} is for {built.name} with {key} = {have:g}, the recorded "
+                "car has "
+                f"{want:g}; leave --bundle out to build one for it, or build one from a vehicle "
+                "file with "
                 "the recording's shape"
             )
     return bundle
@@ -107,7 +132,8 @@ def _settings_table(bundle: Bundle, settings: ReplaySettings) -> Table:
     digest = hashlib.sha256(repr(manifest).encode()).hexdigest()[:16]
     errors = settings.errors
     rows = [
-        ("bundle", f"{manifest.name}, manifest {digest}, {manifest.created_by}, {manifest.machine}"),
+        ("bundle", f"{manifest.name}, manifest {digest}, {manifest.created_by}"),
+        ("machine", manifest.machine),
         ("tube", f"{manifest.steps} steps of {manifest.step_s:g} s, rigor {manifest.rigor.name}"),
         ("wheelbase", f"{manifest.vehicle.wheelbase_m:g} m"),
         ("release", f"{_RELEASE_STEPS} SAFE in a row after braking"),

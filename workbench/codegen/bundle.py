@@ -89,7 +89,8 @@ class MonitorSpec:
             )
         if abs(self.steps * self.step_s - self.horizon_s) > 1e-9:
             raise InputError(
-                f"expected a horizon of whole steps, got {self.horizon_s} s in steps of {self.step_s} s"
+                f"expected a horizon of whole steps, got {self.horizon_s} s in steps of "
+                f"{self.step_s} s"
             )
 
     @property
@@ -167,7 +168,12 @@ def _manifest(spec: MonitorSpec, ode: Ode, compiled: Compiled) -> Manifest:
         result=result,
         states=tuple(StateSignal(state.name, state.unit) for state in ode.states),
         parameters=tuple(
-            Parameter(q.name, q.unit, q.nominal, *(reference if q.name == "reference_speed" else (q.lower, q.upper)))
+            Parameter(
+                q.name,
+                q.unit,
+                q.nominal,
+                *(reference if q.name == "reference_speed" else (q.lower, q.upper)),
+            )
             for q in ode.parameters
         ),
         vehicle=VehicleBody(

@@ -15,7 +15,8 @@ from workbench.sets import Box
 
 # One instruction in place of a library call. Minimum and maximum differ from C's for NaN and signed
 # zeros only, and every bound is watched for NaN before it meets one (see sensitivity.validity). The
-# rounding trick equals floor below 2^51; arguments above 1e4 are refused by the trigonometry that asks.
+# rounding trick equals floor below 2^51; arguments above 1e4 are refused by the trigonometry that
+# asks.
 _INLINE = {
     "return fmin(x, y);": "return x < y ? x : y;",
     "return fmax(x, y);": "return x > y ? x : y;",
@@ -65,13 +66,26 @@ def tube_source(
     steps: StepFunctions, region: Box, sizes: KernelSizes, *, extra: Sequence[ca.Function] = ()
 ) -> str:
     """Complete C text of `wb_tube` for one model; `extra` Functions are emitted beside its own."""
-    functions = [*steps.driver_rows, *steps.relaxations, steps.bounds, steps.advance, steps.remainder]
+    functions = [
+        *steps.driver_rows,
+        *steps.relaxations,
+        steps.bounds,
+        steps.advance,
+        steps.remainder,
+    ]
     if steps.relaxations:
         functions.append(steps.enclose)
     functions += extra
     tables = _tables(steps, region, sizes)
     return "\n".join(
-        [_FLOOR, function_text(functions), _PRELUDE, work_macro(functions), tables, c_text("tube.c")]
+        [
+            _FLOOR,
+            function_text(functions),
+            _PRELUDE,
+            work_macro(functions),
+            tables,
+            c_text("tube.c"),
+        ]
     )
 
 
@@ -110,7 +124,10 @@ def _tables(steps: StepFunctions, region: Box, sizes: KernelSizes) -> str:
         _table("region_upper", region.upper),
         "typedef int (*wb_function)(const double **, double **, casadi_int *, double *, int);",
     ]
-    for table, functions in (("driver_rows", steps.driver_rows), ("relaxations", steps.relaxations)):
+    for table, functions in (
+        ("driver_rows", steps.driver_rows),
+        ("relaxations", steps.relaxations),
+    ):
         if functions:
             names = ", ".join(function.name() for function in functions)
             lines.append(f"static const wb_function wb_{table}[] = {{{names}}};")
@@ -118,7 +135,8 @@ def _tables(steps: StepFunctions, region: Box, sizes: KernelSizes) -> str:
 
 
 def _map_columns(phi: ca.Sparsity) -> str:
-    """to = Phi from for `count` columns, unrolled over the nonzeros: independent work per column."""
+    """to = Phi from for `count` columns, unrolled over the nonzeros: independent work per
+    column."""
     n = phi.size1()
     terms: list[list[str]] = [[] for _ in range(n)]
     rows, cols = phi.get_triplet()

@@ -12,7 +12,8 @@ from typing import final
 
 from workbench.errors import InputError
 
-# No fused multiply-add, no reassociation, no tuning to this machine: the operations that were proved
+# No fused multiply-add, no reassociation, no tuning to this machine: the operations that were
+# proved
 # about are the operations that run. Vectorising independent columns does not change their bits.
 FLAGS = (
     "-std=c99", "-O2", "-ftree-vectorize", "-fvect-cost-model=dynamic", "-ffp-contract=off",
@@ -38,13 +39,15 @@ def find_compiler() -> str:
         if path:
             return path
     raise InputError(
-        f"expected a C compiler ({wanted or 'cc, gcc or clang'}) on the PATH, found none; install one "
+        f"expected a C compiler ({wanted or 'cc, gcc or clang'}) on the PATH, found none; install "
+        "one "
         "(Debian: apt-get install gcc) or set CC to its path"
     )
 
 
 def compile_shared(source: str, *, flags: tuple[str, ...] = FLAGS) -> Compiled:
-    """Compile one C99 file into a shared object. Raises InputError with the compiler's first error."""
+    """Compile one C99 file into a shared object. Raises InputError with the compiler's first
+    error."""
     compiler = find_compiler()
     with tempfile.TemporaryDirectory(prefix="workbench-") as folder:
         (Path(folder) / "kernel.c").write_text(source)

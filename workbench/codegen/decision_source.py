@@ -8,14 +8,20 @@ from workbench.codegen.c_source import KernelSizes, c_text, tube_source
 from workbench.models.system import Ode
 from workbench.reach.occupancy import clearance_function, occupancy_function
 from workbench.reach.step_functions import step_functions
-from workbench.runtime.layout import NO_CLEARANCE_M, PERSON_NUMBERS, query_counts, result_counts, tile
+from workbench.runtime.layout import (
+    NO_CLEARANCE_M,
+    PERSON_NUMBERS,
+    query_counts,
+    result_counts,
+    tile,
+)
 from workbench.runtime.manifest import Field
 from workbench.sets import Box
 
 PATH_NODES = 128
 PEOPLE = 32
-# Stations that a step may reach: this many times the fastest speed times the step, and some slack for
-# the path's curvature; the kernel verifies after the step that the tube stayed within them.
+# Stations that a step may reach: this many times the fastest speed times the step, and some slack
+# for the path's curvature; the kernel verifies after the step that the tube stayed within them.
 _REACH = 1.5
 _SLACK_M = 0.05
 
@@ -51,7 +57,7 @@ def decision_source(ode: Ode, region: Box, sizes: KernelSizes) -> str:
     }  # fmt: skip
     macros |= {f"Q_{field.name.upper()}": field.offset for field in query}
     macros |= {f"R_{field.name.upper()}": field.offset for field in result}
-    assert PERSON_NUMBERS == clearance_function().numel_in("person")
+    assert clearance_function().numel_in("person") == PERSON_NUMBERS
     return "\n".join([
         tube_source(
             step_functions(ode), region, sizes, extra=[occupancy_function(), clearance_function()]

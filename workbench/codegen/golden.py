@@ -23,8 +23,8 @@ def golden_vectors(
 ) -> tuple[dict[str, int], tuple[Golden, ...]]:
     """The kernel's sizes and its answers to a few telling queries.
 
-    They cover a free road, a person in the way and one aside, a bend, a path that ends too early, more
-    people than fit, and a NaN.
+    They cover a free road, a person in the way and one aside, a bend, a path that ends too early,
+    more people than fit, and a NaN.
     """
     sizes = {
         "query_size": query[-1].offset + query[-1].count,

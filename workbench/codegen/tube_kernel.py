@@ -17,7 +17,8 @@ from workbench.codegen.c_source import KernelSizes, function_text, tube_source, 
 from workbench.codegen.compiler import FLAGS, compile_shared
 from workbench.errors import InputError
 from workbench.models.system import Ode, System
-from workbench.reach.step_functions import rk4, step_functions
+from workbench.reach.step_functions import step_functions
+from workbench.reach.step_symbols import rk4
 from workbench.reach.tube import Array, ReachTube, TubeStatus
 from workbench.sets import Box
 
@@ -48,8 +49,10 @@ def exported_size(shared_object: bytes, name: str) -> int:
 class CompiledTube:
     """`SensitivityTube` compiled to C for one system, over one operating region.
 
-    A tube that leaves the region ends with LEFT_REGION. Parameters must be known constants (make ranged
-    ones states first). Rigor NUMERICAL: as `SensitivityTube`, and in addition its ranges are not rounded
+    A tube that leaves the region ends with LEFT_REGION. Parameters must be known constants (make
+    ranged
+    ones states first). Rigor NUMERICAL: as `SensitivityTube`, and in addition its ranges are not
+    rounded
     outward and the truncation of the Runge-Kutta step is estimated (generously), not bounded.
     """
 
@@ -85,7 +88,8 @@ class CompiledTube:
         count = math.ceil(horizon_s / step_s - 1e-9)
         if count > self.sizes.steps or step_s > self.sizes.step_max_s:
             raise InputError(
-                f"expected at most {self.sizes.steps} steps of at most {self.sizes.step_max_s} s, got "
+                f"expected at most {self.sizes.steps} steps of at most {self.sizes.step_max_s} s, "
+                "got "
                 f"{count} of {step_s} s; build the kernel with larger sizes"
             )
         query = self.query(initial_set, horizon_s, step_s)
@@ -106,7 +110,8 @@ class CompiledTube:
 
 @final
 class CompiledTrajectory:
-    """The nominal alone: `steps` classical Runge-Kutta steps in C, the yardstick of every kernel time."""
+    """The nominal alone: `steps` classical Runge-Kutta steps in C, the yardstick of every kernel
+    time."""
 
     def __init__(self, system: System, *, steps: int, flags: tuple[str, ...] = FLAGS) -> None:
         ode = system.ode
@@ -116,7 +121,8 @@ class CompiledTrajectory:
         self.source = "\n".join([
             function_text([step]), work_macro([step]), "#include <string.h>",
             f"#define N {ode.x.numel()}\n#define STEPS {steps}",
-            "int wb_trajectory(const double *x0, const double *p, const double *w, const double *h,",
+            "int wb_trajectory(const double *x0, const double *p, const double *w, const double "
+            "*h,",
             "                  double *out) {",
             "  double scratch[WB_SCRATCH];\n  int k;\n  memcpy(out, x0, N * sizeof(double));",
             "  for (k = 0; k < STEPS; ++k) {",

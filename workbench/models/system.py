@@ -32,23 +32,25 @@ class Ode:
     outputs: tuple[tuple[str, ca.SX], ...] = ()
 
     def __post_init__(self) -> None:
-        for what, symbols, signals in (
+        groups: tuple[tuple[str, ca.SX, tuple[Signal | Ranged, ...]], ...] = (
             ("state", self.x, self.states),
             ("parameter", self.p, self.parameters),
             ("disturbance", self.w, self.disturbances),
-        ):
+        )
+        for what, symbols, signals in groups:
             if symbols.numel() != len(signals):
                 raise ValueError(
                     f"{self.name}: expected one symbol per {what}, "
                     f"got {symbols.numel()} symbols and {len(signals)} names"
                 )
-        names = [signal.name for signal in (*self.states, *self.parameters, *self.disturbances)]
+        names = [signal.name for _, _, signals in groups for signal in signals]
         repeated = sorted({name for name in names if names.count(name) > 1})
         if repeated:
             raise ValueError(f"{self.name}: expected distinct signal names, got {repeated} twice")
         if self.field.shape != (len(self.states), 1):
             raise ValueError(
-                f"{self.name}: expected a field of shape {(len(self.states), 1)}, got {self.field.shape}"
+                f"{self.name}: expected a field of shape {(len(self.states), 1)}, got "
+                f"{self.field.shape}"
             )
         known = {element.__hash__() for element in ca.vertsplit(ca.vertcat(self.x, self.p, self.w))}
         free = [s.name() for s in ca.symvar(self.field) if s.__hash__() not in known]
@@ -70,9 +72,7 @@ class Ode:
 
     def function(self) -> ca.Function:
         """The field as a CasADi Function (x, p, w) -> dx."""
-        return ca.Function(
-            "field", [self.x, self.p, self.w], [self.field], ["x", "p", "w"], ["dx"]
-        )
+        return ca.Function("field", [self.x, self.p, self.w], [self.field], ["x", "p", "w"], ["dx"])
 
     def parameter_values(self) -> list[float]:
         """Nominal parameter values, in order."""
@@ -89,10 +89,15 @@ class System(Protocol):
 
 
 def system_from_casadi(
-    states: ca.SX, field: ca.SX, names: tuple[str, ...], *, units: tuple[str, ...] | None = None,
+    states: ca.SX,
+    field: ca.SX,
+    names: tuple[str, ...],
+    *,
+    units: tuple[str, ...] | None = None,
     name: str = "system",
 ) -> Ode:
-    """Make a `System` of any SX expression: states (n x 1 symbols), field (n x 1), one name per state.
+    """Make a `System` of any SX expression: states (n x 1 symbols), field (n x 1), one name per
+    state.
 
     >>> x = ca.SX.sym("x")
     >>> system_from_casadi(x, -x, ("x",)).names

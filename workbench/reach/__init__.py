@@ -2,8 +2,18 @@
 
 from workbench.reach.compute import Partitioned, TubeMethod, compute_tube
 from workbench.reach.sensitivity_tube import SensitivityTube
+from workbench.reach.separation import PathGround, PlaneGround, Separation, check_separation
 from workbench.reach.tube import ReachTube, TubeStatus
 
 __all__ = [
-    "Partitioned", "ReachTube", "SensitivityTube", "TubeMethod", "TubeStatus", "compute_tube",
-]  # fmt: skip
+    "Partitioned",
+    "PathGround",
+    "PlaneGround",
+    "ReachTube",
+    "SensitivityTube",
+    "Separation",
+    "TubeMethod",
+    "TubeStatus",
+    "check_separation",
+    "compute_tube",
+]

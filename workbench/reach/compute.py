@@ -74,8 +74,8 @@ def compute_tube(
     """A tube that encloses every trajectory of `system` from `initial_set` over [0, horizon_s].
 
     Parameters with a range and disturbances take every admissible value. The default method is the
-    strongest one there is; see `SensitivityTube` for what it proves and its Rigor. A proof that ends
-    early is a value (`ReachTube.status`), wrong input is an InputError.
+    strongest one there is; see `SensitivityTube` for what it proves and its Rigor. A proof that
+    ends early is a value (`ReachTube.status`), wrong input is an InputError.
 
     >>> import casadi as ca
     >>> from workbench.models import system_from_casadi

@@ -1,4 +1,5 @@
-"""Unknown constants as states with zero derivative, which keeps their correlation with the state."""
+"""Unknown constants as states with zero derivative, which keeps their correlation with the
+state."""
 
 from __future__ import annotations
 
@@ -9,7 +10,8 @@ from workbench.models.system import Ode
 
 
 def with_ranged_parameters_as_states(ode: Ode) -> Ode:
-    """Append every parameter with lower < upper to the states (x' = 0); the others stay parameters."""
+    """Append every parameter with lower < upper to the states (x' = 0); the others stay
+    parameters."""
     ranged = [i for i, q in enumerate(ode.parameters) if q.lower < q.upper]
     if not ranged:
         return ode
@@ -17,7 +19,10 @@ def with_ranged_parameters_as_states(ode: Ode) -> Ode:
     symbols = ca.vertsplit(ode.p)
     return Ode(
         name=ode.name,
-        states=(*ode.states, *(Signal(ode.parameters[i].name, ode.parameters[i].unit) for i in ranged)),
+        states=(
+            *ode.states,
+            *(Signal(ode.parameters[i].name, ode.parameters[i].unit) for i in ranged),
+        ),
         parameters=tuple(ode.parameters[i] for i in fixed),
         disturbances=ode.disturbances,
         x=ca.vertcat(ode.x, *(symbols[i] for i in ranged)),

@@ -25,13 +25,17 @@ class SensitivityTube:
     """x(t) in xi(t) + S(t) d0 + (box-valued remainders carried as generators), all time covered.
 
     step_s: grid spacing in s; the last step is shorter when it does not divide the horizon.
-    The set at an instant is the zonotope nominal + G [-1, 1]^m. Each step maps G by the sensitivity of
-    the nominal and appends a diagonal block for the remainder, the truncation of the Runge-Kutta step
-    and disturbances held or varying within the step. Kinks enter by their best affine relaxation over
-    the current range. Between instants every state stays within h^2/8 |x''| of its chord.
-    Rigor NUMERICAL: remainder, truncation and motion between instants are bounded over verified boxes
+    The set at an instant is the zonotope nominal + G [-1, 1]^m. Each step maps G by the
+    sensitivity of
+    the nominal and appends a diagonal block for the remainder, the truncation of the Runge-Kutta
+    step
+    and disturbances held or varying within the step. Kinks enter by their best affine relaxation
+    over the current range. Between instants every state stays within h^2/8 |x''| of its chord.
+    Rigor NUMERICAL: remainder, truncation and motion between instants are bounded over verified
+    boxes
     with outward-rounded ranges, but the rounding of nominal, sensitivity and generators is not.
-    Source: conservative linearisation, Althoff, Stursberg, Buss, CDC 2008; affine relaxation: DESIGN.
+    Source: conservative linearisation, Althoff, Stursberg, Buss, CDC 2008; affine relaxation:
+    DESIGN.
     """
 
     step_s: float
@@ -65,7 +69,7 @@ def _initial_box(original: Ode, ode: Ode, initial_set: Box) -> Box:
 class _Run:
     """The loop over the steps; holds the zonotope (x, G) and the rows found so far."""
 
-    def __init__(  # noqa: PLR0913 - one private constructor, everything named once
+    def __init__(
         self, ode: Ode, steps: StepFunctions, truncation: ca.Function, start: Box,
         horizon_s: float, step_s: float,
     ) -> None:  # fmt: skip
@@ -109,7 +113,14 @@ class _Run:
         """Advance by h; returns what failed, or '' when the step is done."""
         call = _call
         radius = np.abs(self.generators).sum(axis=1)
-        common = {"x": self.x, "r": radius, "p": self.p, "w_mid": self.w_mid, "w_rad": self.w_rad, "h": h}
+        common = {
+            "x": self.x,
+            "r": radius,
+            "p": self.p,
+            "w_mid": self.w_mid,
+            "w_rad": self.w_rad,
+            "h": h,
+        }
         kinks = self._relax(common)
         if kinks is None:
             return "the range of a limited command could not be bounded"
@@ -123,7 +134,9 @@ class _Run:
         r_end = np.abs(mapped).sum(axis=1)
         terms = call(self.steps.remainder, common | box | {"r_end": r_end})
         v_rad = np.concatenate([self.w_rad, kinks["gap"]])
-        cut = call(self.truncation, _as_ranges(common) | box | {"radius": terms["radius"], "v_rad": v_rad})
+        cut = call(
+            self.truncation, _as_ranges(common) | box | {"radius": terms["radius"], "v_rad": v_rad}
+        )
         if terms["ok"][0] != 1.0 or cut["ok"][0] != 1.0:
             return "the remainder could not be bounded"
         by_v = moved["by_exogenous"].reshape(n, len(v_rad)) * v_rad
@@ -133,9 +146,7 @@ class _Run:
         self._record(moved["x_end"], box, terms["chord"])
         return ""
 
-    def _enclosed(
-        self, function: ca.Function, common: dict[str, Array]
-    ) -> dict[str, Array] | None:
+    def _enclosed(self, function: ca.Function, common: dict[str, Array]) -> dict[str, Array] | None:
         """Picard trials, from the range of the field over the previous step."""
         for _ in range(PICARD_TRIALS):
             guess = {"guess_lower": self.f_lower, "guess_upper": self.f_upper}

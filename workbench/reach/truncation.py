@@ -1,7 +1,9 @@
 """A bound of what one Runge-Kutta step leaves out, of the nominal state and of its sensitivity.
 
-For the classical step Psi the error after a step h is h^5/5! (x^(5)(theta) - Psi^(5)(theta')), componentwise,
-with theta, theta' in [0, h] (both sides agree to order 4; Taylor's theorem in h). The derivative of both
+For the classical step Psi the error after a step h is h^5/5! (x^(5)(theta) - Psi^(5)(theta')),
+componentwise,
+with theta, theta' in [0, h] (both sides agree to order 4; Taylor's theorem in h). The derivative
+of both
 sides along a direction (e, v) bounds the error of the sensitivities applied to that direction.
 Source: E. Hairer, S. Norsett, G. Wanner, Solving Ordinary Differential Equations I, section II.3.
 """
@@ -11,7 +13,8 @@ from __future__ import annotations
 import casadi as ca
 
 from workbench.reach.majorants import magnitude
-from workbench.reach.step_functions import StepFunctions, rk4, shared
+from workbench.reach.step_functions import StepFunctions
+from workbench.reach.step_symbols import rk4, shared
 from workbench.sensitivity.inclusion import lift
 
 _ORDER = 5
@@ -21,8 +24,8 @@ _FACTORIAL = 120.0
 def truncation_function(steps: StepFunctions) -> ca.Function:
     """Function from ranges over a step (or over a region) to (bound (n), ok).
 
-    box (n): encloses nominal and tube; radius (n): bound of |e| over the step; v_rad (n_v): radii of
-    disturbances and kink errors; p, w, slope, offset as intervals; step: the longest step in s.
+    box (n): encloses nominal and tube; radius (n): bound of |e| over the step; v_rad (n_v): radii
+    of disturbances and kink errors; p, w, slope, offset as intervals; step: the longest step in s.
     """
     form, relaxed = steps.form, steps.relaxed
     x, p, w = form.ode.x, form.p, form.ode.w
@@ -31,7 +34,9 @@ def truncation_function(steps: StepFunctions) -> ca.Function:
     h, step = ca.SX.sym("h"), ca.SX.sym("step")
     direction = ca.vertcat(ca.SX.sym("e", n), ca.SX.sym("dv", n_v))
     exact = _exact_derivative(relaxed.field, x)
-    field = ca.Function("g", [x, p, w, relaxed.slope, relaxed.offset, relaxed.error], [relaxed.field])
+    field = ca.Function(
+        "g", [x, p, w, relaxed.slope, relaxed.offset, relaxed.error], [relaxed.field]
+    )
     method = rk4(field, x, h, [p, w, relaxed.slope, relaxed.offset, relaxed.error])
     for _ in range(_ORDER):
         method = ca.cse(ca.jtimes(method, h, ca.SX(1)))
@@ -65,4 +70,3 @@ def _exact_derivative(field: ca.SX, x: ca.SX) -> ca.SX:
     for _ in range(_ORDER - 1):
         derivative = ca.cse(ca.jtimes(derivative, x, field))
     return derivative
-

@@ -18,7 +18,8 @@ class TubeStatus(enum.Enum):
     """How a tube computation ended; everything but COMPLETE ends `times` where the proof ends.
 
     LEFT_REGION: the tube left the region for which its bounds hold; use a smaller initial set or a
-    larger region. ENCLOSURE_FAILED: no a priori enclosure was found; use a shorter step or split the
+    larger region. ENCLOSURE_FAILED: no a priori enclosure was found; use a shorter step or split
+    the
     initial set. SINGULAR: a pole of tan or a division by an interval with zero lies in the tube.
     """
 

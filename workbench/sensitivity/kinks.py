@@ -1,7 +1,8 @@
 """Kinks (fmin, fmax, fabs) taken out of a field, so that the rest can be differentiated soundly.
 
-CasADi differentiates a clip to c1/(c1+c2), an undecided 0/0, and gives comparisons the derivative 0.
-Here every kink becomes one symbol kappa_i = clip(d_i, floor_i, ceiling_i) with its driver d_i; limits
+CasADi differentiates a clip to c1/(c1+c2), an undecided 0/0, and gives comparisons the derivative
+0. Here every kink becomes one symbol kappa_i = clip(d_i, floor_i, ceiling_i) with its driver d_i;
+limits
 that depend on parameters only stay one clip, everything else uses min(d, 0) = clip(d, -1e300, 0):
 
     fmin(a, b) = b + min(a - b, 0),   fmax(a, b) = b - min(b - a, 0),   fabs(a) = a - 2 min(a, 0).
@@ -37,8 +38,8 @@ class SmoothForm:
     """x' = field(x, p, w, kappa) with kappa_i = clip(drivers_i, floor_i, ceiling_i).
 
     p (n_p + n_constants): the parameters followed by the graph's own constants, whose values are
-    `constants`; field (n x 1) is smooth in its arguments; drivers (n_kinks x 1) are smooth, driver i in
-    (x, p, w, kappa_0 .. kappa_{i-1}); floor, ceiling (n_kinks x 1) depend on p alone.
+    `constants`; field (n x 1) is smooth in its arguments; drivers (n_kinks x 1) are smooth, driver
+    i in (x, p, w, kappa_0 .. kappa_{i-1}); floor, ceiling (n_kinks x 1) depend on p alone.
     """
 
     ode: Ode
@@ -60,7 +61,8 @@ class SmoothForm:
 class RelaxedForm:
     """The smooth field with every kink replaced by kappa_i = slope_i d_i + offset_i + error_i.
 
-    field (n x 1) and drivers (n_kinks x 1) in terms of x, p, w, slope, offset and error; the relaxation
+    field (n x 1) and drivers (n_kinks x 1) in terms of x, p, w, slope, offset and error; the
+    relaxation
     encloses the kink whenever |error_i| is allowed up to the half gap of the chosen line.
     """
 
@@ -105,8 +107,10 @@ def relax(form: SmoothForm) -> RelaxedForm:
 def generalised_jacobian(form: SmoothForm) -> tuple[ca.SX, ca.SX]:
     """Jacobian of the field in x with one selector per kink: (n x n expression, selectors).
 
-    d kappa_i = selector_i d d_i with selector_i = 1 strictly between the limits, 0 strictly outside, [0, 1]
-    undecided: with interval selectors this contains Clarke's generalised Jacobian (chain rule, as an outer bound).
+    d kappa_i = selector_i d d_i with selector_i = 1 strictly between the limits, 0 strictly
+    outside, [0, 1]
+    undecided: with interval selectors this contains Clarke's generalised Jacobian (chain rule, as
+    an outer bound).
     """
     count = form.kappa.numel()
     selector = ca.SX.sym("selector", count)
@@ -164,7 +168,8 @@ class _Builder:
             return self._constant(node.constant)
         if node.name in _NOT_DIFFERENTIABLE:
             raise InputError(
-                f"the field uses {node.name!r}, whose derivative CasADi takes as 0; write the law with "
+                f"the field uses {node.name!r}, whose derivative CasADi takes as 0; write the law "
+                "with "
                 "fmin, fmax or fabs so that it stays continuous"
             )
         operands = [values[index] for index in node.operands]
@@ -201,9 +206,7 @@ class _Builder:
         known = {s.element_hash() for s in (*ca.vertsplit(self._inputs[1]), *self.constant_symbols)}
         return all(s.element_hash() in known for s in ca.symvar(value))
 
-    def _clip(
-        self, node: Node, graph: Graph, values: list[ca.SX], uses: list[int]
-    ) -> ca.SX | None:
+    def _clip(self, node: Node, graph: Graph, values: list[ca.SX], uses: list[int]) -> ca.SX | None:
         inner, limit = node.operands
         below = graph.nodes[inner]
         if below.name != "fmax" or not self._is_inner(inner, graph, uses):
@@ -221,7 +224,9 @@ class _Builder:
             self.constant_symbols.append(ca.SX.sym(f"constant_{len(self.constant_values)}"))
         return self.constant_symbols[self.constant_values.index(value)]
 
-    def _kink(self, driver: ca.SX, floor: ca.SX | None = None, ceiling: ca.SX | None = None) -> ca.SX:
+    def _kink(
+        self, driver: ca.SX, floor: ca.SX | None = None, ceiling: ca.SX | None = None
+    ) -> ca.SX:
         symbol = ca.SX.sym(f"kappa_{len(self.kappa)}")
         self.kappa.append(symbol)
         self.drivers.append(driver)

@@ -45,7 +45,8 @@ class Box:
         for name, low, high in zip(self.names, self.lower, self.upper, strict=True):
             if not (math.isfinite(low) and math.isfinite(high) and low <= high):
                 raise ValueError(
-                    f"expected finite end points lower <= upper on axis {name!r}, got [{low!r}, {high!r}]"
+                    f"expected finite end points lower <= upper on axis {name!r}, got [{low!r}, "
+                    f"{high!r}]"
                 )
 
     @classmethod
@@ -54,7 +55,8 @@ class Box:
         unknown = sorted(set(radius) - set(center))
         if unknown:
             raise ValueError(
-                f"radius names axes {unknown} that the centre lacks; the centre has {sorted(center)}"
+                f"radius names axes {unknown} that the centre lacks; the centre has "
+                f"{sorted(center)}"
             )
         lower, upper = [], []
         for name, value in center.items():
@@ -101,7 +103,8 @@ class Box:
         return self.lower[index], self.upper[index]
 
     def contains(self, point: Mapping[str, float] | Sequence[float]) -> bool:
-        """Whether `point` (mapping by name, or values in axis order) lies in the box. NaN lies nowhere."""
+        """Whether `point` (mapping by name, or values in axis order) lies in the box. NaN lies
+        nowhere."""
         values = [point[name] for name in self.names] if isinstance(point, Mapping) else list(point)
         return len(values) == len(self.names) and all(
             low <= value <= high
@@ -117,8 +120,8 @@ class Box:
     def split(self, parts: Mapping[str, int]) -> tuple[Box, ...]:
         """Partition into a grid of cells, `parts[name]` along each named axis.
 
-        Neighbouring cells share identical end points and the outermost ones are the box's own, so the
-        cells cover the box by construction.
+        Neighbouring cells share identical end points and the outermost ones are the box's own, so
+        the cells cover the box by construction.
         """
         cuts: list[list[float]] = []
         for name, low, high in zip(self.names, self.lower, self.upper, strict=True):

@@ -1,0 +1,360 @@
+"""Each analysis command tells the truth in its exit status, its JSON and its files."""
+
+from __future__ import annotations
+
+import csv
+import html
+import json
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+pytest.importorskip("casadi", reason="needs the optional package casadi")
+
+from workbench.cli.analysis_options import SYSTEMS, shown_instants
+from workbench.cli.main import load_command, main
+from workbench.models import PathFrame
+from workbench.models.benchmarks import all_benchmarks, b1, b1_small
+from workbench.models.vehicle import gem_e2, gem_e2_path
+from workbench.sensitivity.sampling import rollout, sample_initial_states
+from workbench.sensitivity.scenario import pairs_needed
+
+ROOT = Path(__file__).parent.parent
+SHORT = ("--system", "b1-small", "--horizon", "0.5", "--step", "0.05")
+
+
+class Result(NamedTuple):
+    status: int
+    out: str
+    err: str
+
+    @property
+    def data(self) -> Any:
+        return json.loads(self.out)
+
+
+Invoke = Callable[..., Result]
+
+
+@pytest.fixture
+def invoke(capsys: pytest.CaptureFixture[str]) -> Invoke:
+    """Run one command in this process."""
+
+    def run(*words: object) -> Result:
+        capsys.readouterr()
+        status = main([str(word) for word in words])
+        shown = capsys.readouterr()
+        return Result(status, shown.out, shown.err)
+
+    return run
+
+
+@pytest.fixture
+def changed_vehicle(tmp_path: Path) -> Callable[..., Path]:
+    """The shipped vehicle file with one text replaced."""
+
+    def write(old: str, new: str) -> Path:
+        text = gem_e2_path().read_text(encoding="utf-8")
+        assert text.count(old) == 1
+        file = tmp_path / "changed.toml"
+        file.write_text(text.replace(old, new), encoding="utf-8")
+        return file
+
+    return write
+
+
+def table_of(file: Path, kind: str, end: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+    rows = [row for row in csv.DictReader(file.open()) if row["kind"] == kind]
+    columns = [name for name in rows[0] if name.endswith(f"_{end}")]
+    return np.array([[float(row[name]) for name in columns] for row in rows])
+
+
+def test_every_benchmark_loop_can_be_chosen() -> None:
+    assert tuple(each.name.lower() for each in all_benchmarks()) == SYSTEMS
+
+
+def test_the_shown_instants_end_at_the_horizon() -> None:
+    assert shown_instants(3.0) == (1.0, 2.0, 3.0)
+    assert shown_instants(1.5) == (1.0, 1.5)
+    assert shown_instants(0.2) == (0.2,)
+
+
+def test_reach_writes_a_tube_that_holds_sampled_runs_of_the_shipped_vehicle(
+    invoke: Invoke, tmp_path: Path
+) -> None:
+    target, page = tmp_path / "new" / "tube.csv", tmp_path / "tube.html"
+    words = ["--curvature", "-0.01", "0.01", "--csv", target, "--plot", page, "--json"]
+    found = invoke("reach", *words)
+    assert (found.status, found.data["status"], found.data["rigor"]) == (0, "COMPLETE", "NUMERICAL")
+    assert found.data["instants_s"] == [0.0, 1.0, 2.0, 3.0]
+    vehicle = gem_e2()
+    loop = vehicle.closed_loop(vehicle.track(), PathFrame(-0.01, 0.01))
+    states = sample_initial_states(vehicle.initial_set, count=400, seed=3)
+    lower, upper = table_of(target, "instant", "lower"), table_of(target, "instant", "upper")
+    first, last = table_of(target, "step", "lower"), table_of(target, "step", "upper")
+    for curvature in (-0.01, 0.0, 0.01):
+        runs = rollout(loop, states, horizon_s=3.0, step_s=0.02, disturbances=[curvature])
+        assert np.all((runs >= lower - 1e-7) & (runs <= upper + 1e-7))
+        for ends in (runs[:, :-1], runs[:, 1:]):
+            assert np.all((ends >= first - 1e-7) & (ends <= last + 1e-7))
+    assert found.data["half_widths"][3] == pytest.approx((upper[-1] - lower[-1]) / 2)
+    assert "Reach tube of GEM e2" in page.read_text(encoding="utf-8")
+
+
+def test_parts_never_widen_the_tube(invoke: Invoke) -> None:
+    words = ("reach", "--system", "b1", "--horizon", "1", "--step", "0.05", "--json")
+    whole, split = invoke(*words), invoke(*words, "--parts", "y=2, speed=2")
+    wide, narrow = (np.array(each.data["half_widths"][-1]) for each in (whole, split))
+    assert np.all(narrow <= wide * (1 + 1e-9))
+    assert narrow[1] < 0.99 * wide[1]
+    assert "tube of 4 cells: 100%" in split.err
+
+
+def test_a_tube_that_ends_early_fails_the_claim(invoke: Invoke, tmp_path: Path) -> None:
+    page = tmp_path / "tube.html"
+    found = invoke("reach", "--system", "b1", "--step", "3", "--plot", page, "--json")
+    assert found.status == 1
+    assert found.data["status"] == "ENCLOSURE_FAILED"
+    assert found.data["proved_until_s"] == 0.0
+    assert found.data["half_widths"][-1] == [None] * 7
+    assert "The proof ends early" in page.read_text(encoding="utf-8")
+
+
+def test_derived_bounds_hold_for_sampled_runs(invoke: Invoke, tmp_path: Path) -> None:
+    page = tmp_path / "growth.html"
+    found = invoke("derive", *SHORT, "--plot", page, "--json")
+    assert found.status == 0
+    assert found.data["condition_shown"] is True
+    loop, box = b1_small().system, b1_small().initial_set
+    states = np.vstack([[box.center], sample_initial_states(box, count=400, seed=5)])
+    runs = rollout(loop, states, horizon_s=0.5, step_s=0.01)[:, -1]
+    reached = np.abs(runs[1:] - runs[0]).max(axis=0)
+    methods = {each["method"]: each for each in found.data["bounds"]}
+    assert set(methods) == {"WeightedNorm MAX", "WeightedNorm SUM", "GrowthMatrix"}
+    for each in methods.values():
+        assert each["rigor"] == "ENCLOSED"
+        assert np.all(np.array(each["half_widths"][-1]) >= reached - 1e-9)
+        assert each["cost_s"] > 0.0
+    assert np.all(np.array(found.data["tube"]["half_widths"][-1]) < 2.0 * reached + 1e-3)
+    text = page.read_text(encoding="utf-8")
+    assert "Growth over time" in text
+    command = html.unescape(re.findall(r"<pre>(workbench .*?)</pre>", text)[0])
+    again = load_command("derive").parser().parse_args(shlex.split(command)[2:])
+    assert (again.system, again.horizon, again.step, again.plot) == ("b1-small", 0.5, 0.05, page)
+
+
+def test_derive_says_when_the_tube_leaves_the_region(
+    invoke: Invoke, changed_vehicle: Callable[..., Path]
+) -> None:
+    file = changed_vehicle("offset_m = [-1.5, 1.5]", "offset_m = [0.09, 0.51]")
+    found = invoke("derive", "--vehicle", file, "--horizon", "0.5", "--cells", "16")
+    assert found.status == 1
+    assert "not shown for this initial set: offset may leave [0.09, 0.51] from 0." in found.out
+
+
+def test_learning_depends_on_the_seed_alone(invoke: Invoke) -> None:
+    words = ("learn", *SHORT, "--pairs", "50", "--json", "--seed")
+    first, again, other = (invoke(*words, seed).data for seed in (4, 4, 5))
+    assert first == again
+    assert first["amplitude"] != other["amplitude"]
+    assert first["rigor"] == "SAMPLED"
+    assert first["statement"]["pairs"] == 50
+
+
+def test_epsilon_sets_the_number_of_pairs(invoke: Invoke) -> None:
+    found = invoke("learn", *SHORT, "--epsilon", "0.05", "--delta", "1e-3", "--json").data
+    assert found["statement"]["pairs"] == pairs_needed(0.05, delta=1e-3, parameters=14)
+    assert found["statement"]["epsilon"] <= 0.05
+
+
+def test_a_refuted_bound_leaves_a_witness_that_replays(invoke: Invoke, tmp_path: Path) -> None:
+    saved, out = tmp_path / "learned.json", tmp_path / "examine"
+    learnt = invoke("learn", *SHORT, "--pairs", "20", "--save", saved, "--json").data
+    words = ("examine", *SHORT, "--samples", "100", "--rounds", "3", "--out", out, "--json")
+    found = invoke(*words, "--learned", saved)
+    assert (found.status, found.data["verdict"]) == (1, "REFUTED")
+    witness = found.data["witness"]
+    assert witness["distance"] - witness["integration_error"] > witness["bound"]
+    assert "refuted" in (out / "examine.html").read_text(encoding="utf-8")
+
+    same = invoke(*words, "--pairs", "20").data["witness"]
+    assert same["bound"] == witness["bound"], "a saved bound is read back without loss"
+    assert json.loads(saved.read_text())["amplitude"] == learnt["amplitude"]
+
+    file = out / "witness.json"
+    replayed = invoke("examine", "--replay", file, "--system", "b1-small", "--json")
+    assert (replayed.status, replayed.data["refutes"]) == (1, True)
+    assert replayed.data["replayed_distance"] == witness["distance"]
+    stored = json.loads(file.read_text())
+    stored["witness"]["bound"] = 2.0 * witness["distance"]
+    file.write_text(json.dumps(stored))
+    assert invoke("examine", "--replay", file, "--system", "b1-small").status == 0
+    other = invoke("examine", "--replay", file, "--system", "b1-brake")
+    assert other.status == 2
+    assert "pass the same --vehicle, --system and --curvature as then" in other.err
+
+
+def test_a_bound_above_a_proved_one_is_implied(invoke: Invoke, tmp_path: Path) -> None:
+    saved, out = tmp_path / "learned.json", tmp_path / "examine"
+    invoke("learn", *SHORT, "--pairs", "20", "--save", saved)
+    learned = json.loads(saved.read_text())
+    learned["amplitude"] = [1.0 + 1e3 * value for value in learned["amplitude"]]
+    saved.write_text(json.dumps(learned))
+    words = ("--samples", "50", "--rounds", "2", "--learned", saved, "--out", out, "--any-centre")
+    found = invoke("examine", *SHORT, *words, "--json")
+    assert (found.status, found.data["verdict"]) == (0, "IMPLIED_BY_PROOF")
+    assert found.data["witness"] is None
+    assert {each["method"] for each in found.data["proved"]} >= {"GrowthMatrix", "sensitivity tube"}
+    replayed = invoke("examine", "--replay", out / "witness.json", "--system", "b1-small")
+    assert replayed.status == 2
+    assert "there is nothing to replay" in replayed.err
+
+
+def test_unstable_gains_warn_with_their_poles(
+    invoke: Invoke, changed_vehicle: Callable[..., Path]
+) -> None:
+    file = changed_vehicle("look_ahead_m = 2.0", "look_ahead_m = 0.0")
+    found = invoke("gains", "--quick", "--vehicle", file, "--horizon", "0.2", "--json")
+    assert found.status == 0
+    assert found.data["stable"] is False
+    poles = found.data["poles_not_stable"]
+    assert poles
+    assert all(pole["real"] > 0.0 for pole in poles)
+    for pole in poles:
+        assert f"{pole['real']:+.4g}{pole['imaginary']:+.4g}j" in found.err
+    assert found.err.count("warning: ") >= 2
+
+
+def test_stable_gains_warn_of_nothing_and_quick_is_the_default(invoke: Invoke) -> None:
+    found = invoke("gains", "--horizon", "0.2")
+    assert found.status == 0
+    assert "asymptotically stable" in found.out
+    assert "warning" not in found.err
+    parser = load_command("gains").parser()
+    assert parser.parse_args([]) == parser.parse_args(["--quick"])
+
+
+BROKEN_FILE = "<broken>"
+WRONG_USE: list[tuple[str, str]] = [
+    ("{c} --vehicle nowhere.toml", "nowhere.toml: no such vehicle file; copy the shipped one"),
+    ("{c} --vehicle " + BROKEN_FILE, "expected a TOML file, but: "),
+    ("{c} --horizon -1", "--horizon: expected a finite number > 0, got '-1'"),
+    ("{c} --horizon nan", "--horizon: expected a finite number > 0, got 'nan'"),
+    ("{c} --horizon 1e9", "--horizon: expected at most 60 s, got 1e+09"),
+    ("{c} --step 0", "--step: expected a finite number > 0, got '0'"),
+    ("{c} --step 1e-9", "expected at most 20000 steps, got --horizon 3 / --step 1e-09"),
+    ("{c} --step 5", "expected --step <= --horizon, got 5 s and 3 s"),
+]
+COMMANDS = ("derive", "learn", "examine --out {tmp}", "reach", "gains")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [(line.replace("{c}", command), said) for line, said in WRONG_USE for command in COMMANDS]
+    + [
+        ("reach --plot /dev/null/x.html", "a part of its path is a file, not a folder"),
+        ("reach --csv /dev/null/x/y.csv", "--csv: expected a file that can be written"),
+        ("reach --csv {tmp}", "(it is a folder); name one in another folder"),
+        ("derive --plot /dev/null/x.html", "--plot: expected a file that can be written"),
+        ("learn --save /dev/null/x.json", "--save: expected a file that can be written"),
+        ("examine --out /dev/null/x", "choose another with --out DIR"),
+        ("reach --parts height=2", "unknown state 'height'; the states are station, offset"),
+        ("reach --parts offset", "expected STATE=N,... with each state once"),
+        ("reach --parts offset=0", "N from 1 to 9999, got 'offset=0'"),
+        ("reach --parts offset=2,offset=2", "with each state once"),
+        ("reach --parts speed_integral=2", "speed_integral is exactly 0 there; leave it out"),
+        ("reach --parts offset=999,speed=999", "expected at most 4096 cells in all, got 998001"),
+        ("reach --curvature 0.2 0.1", "expected LOW <= HIGH, got 0.2 0.1; swap"),
+        ("reach --curvature nan 1", "--curvature: expected a finite number, got 'nan'"),
+        ("reach --system b9", "invalid choice: 'b9'"),
+        ("reach --system b1 --curvature 0 0", "expected --system or --curvature, got both"),
+        ("derive --system b1 --vehicle x", "expected --system or --vehicle, got both"),
+        ("derive --system b1 --over operation", "has no operating region; use --over tube"),
+        ("derive --cells 0", "--cells: expected a whole number >= 1, got '0'"),
+        ("learn --pairs 1.5", "--pairs: expected a whole number >= 1, got '1.5'"),
+        ("learn --delta 1", "--delta: expected a number between 0 and 1, got '1'"),
+        ("learn --epsilon 1e-9", "expected at most 2000000 pairs"),
+        ("learn --seed -3", "--seed: expected a whole number >= 0, got '-3'"),
+        ("learn --pairs 5 --epsilon 0.1", "not allowed with argument"),
+        ("learn --system b1 --step 0.7", "expected a horizon of whole steps"),
+        ("examine --out {tmp} --learned none.json", "none.json: no such file"),
+        ("examine --out {tmp} --learned " + BROKEN_FILE, "expected JSON, but: "),
+        ("examine --replay none.json", "none.json: no such file"),
+    ],
+)
+def test_wrong_use_is_refused_in_words(
+    line: str, said: str, invoke: Invoke, tmp_path: Path
+) -> None:
+    broken = tmp_path / "broken.toml"
+    broken.write_text("[vehicle\nname = ", encoding="utf-8")
+    words = line.replace("{tmp}", str(tmp_path)).replace(BROKEN_FILE, str(broken)).split()
+    found = invoke(*words)
+    assert found.status == 2
+    assert said in found.err
+    assert "Traceback" not in found.err
+    assert found.out == ""
+    assert sorted(tmp_path.iterdir()) == [broken]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("wheelbase_m = 1.75", "wheelbase_m = -1.75", "wheelbase_m: expected a number > 0, got -1"),
+        ("wheelbase_m = 1.75", "wheel_m = 1.75", "unknown key 'wheel_m' in [geometry]"),
+        ("look_ahead_m = 2.0", "look_ahead_m = nan", "look_ahead_m: expected a finite number"),
+    ],
+)
+def test_a_wrong_vehicle_file_is_refused_in_words(
+    old: str, new: str, said: str, invoke: Invoke, changed_vehicle: Callable[..., Path]
+) -> None:
+    file = changed_vehicle(old, new)
+    for command in ("derive", "gains"):
+        found = invoke(command, "--vehicle", file)
+        assert found.status == 2
+        assert f"{file}: " in found.err
+        assert said in found.err
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"amplitude": [1.0]}, "expected 7 numbers per list, one per state"),
+        ({"amplitude": [float("nan")] * 7}, "expected finite numbers"),
+        ({"horizon_s": "soon"}, "could not convert string to float"),
+        ({"horizon_s": 0.1}, "pass --horizon 0.1 or learn again"),
+        ({"statement": None}, "expected the file as it was written"),
+        ({"format": "another"}, "format 'learned discrepancy 1'"),
+        ({"loop": {}}, "expected a file made with the loop of B1-small, got another"),
+    ],
+)
+def test_a_spoilt_learned_file_is_refused_in_words(
+    change: dict[str, object], said: str, invoke: Invoke, tmp_path: Path
+) -> None:
+    saved = tmp_path / "learned.json"
+    invoke("learn", *SHORT, "--pairs", "5", "--save", saved)
+    saved.write_text(json.dumps(json.loads(saved.read_text()) | change))
+    found = invoke("examine", *SHORT, "--learned", saved, "--out", tmp_path / "out")
+    assert found.status == 2
+    assert said in found.err
+
+
+def test_json_and_progress_keep_to_their_own_streams() -> None:
+    words = ["reach", "--system", "b1", "--horizon", "0.2", "--json"]
+    ran = subprocess.run(
+        [sys.executable, "-m", "workbench.cli.main", *words],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert ran.returncode == 0
+    assert json.loads(ran.stdout)["name"] == b1().name
+    assert ran.stderr.startswith("tube: 100%")

@@ -1,0 +1,150 @@
+"""Whether a tube keeps clear of people: the ground the car can cover against their predicted
+discs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, final
+
+import numpy as np
+
+from workbench.claims import Rigor, Verdict, weakest
+from workbench.errors import InputError
+from workbench.reach.occupancy import clearance_function, occupancy_function
+from workbench.reach.tube import Array, ReachTube
+from workbench.runtime.contents import VehicleBody
+from workbench.runtime.observation import Person
+from workbench.runtime.path import PathTable
+
+
+class Ground(Protocol):
+    """How states become places: says for one segment of a tube where its states are."""
+
+    def places(self, lower: dict[str, float], upper: dict[str, float]) -> Places:
+        """The node frame, the box in it and the curvature for states in [lower, upper]."""
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Places:
+    """lower, upper (3): station m, offset m, heading error rad; node (4): station, x, y, heading;
+    curvature (2): its range in 1/m between the node and the box."""
+
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
+    node: tuple[float, float, float, float]
+    curvature: tuple[float, float]
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class PlaneGround:
+    """Tubes over x, y and heading in the plane: the x axis is the path."""
+
+    def places(self, lower: dict[str, float], upper: dict[str, float]) -> Places:
+        """The states themselves, seen from the origin."""
+        low, high = ((s["x"], s["y"], s["heading"]) for s in (lower, upper))
+        return Places(low, high, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0))
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class PathGround:
+    """Tubes over station, offset and heading_error along `path`."""
+
+    path: PathTable
+
+    def places(self, lower: dict[str, float], upper: dict[str, float]) -> Places:
+        """Seen from the node nearest to the middle station. InputError off the path table."""
+        path = self.path
+        middle = 0.5 * (lower["station"] + upper["station"])
+        j = min(max(round((middle - path.start_m) / path.spacing_m), 0), len(path.x) - 1)
+        station = path.start_m + j * path.spacing_m
+        first = math.floor((min(lower["station"], station) - path.start_m) / path.spacing_m)
+        last = math.floor((max(upper["station"], station) - path.start_m) / path.spacing_m)
+        if first < 0 or last >= len(path.x):
+            raise InputError(
+                f"the tube reaches stations {lower['station']:.2f} to {upper['station']:.2f} m, the "
+                "path "
+                f"table covers {path.start_m:.2f} to {path.end_m:.2f} m; extend the path"
+            )
+        bins = slice(first, min(last, len(path.x) - 2) + 1)
+        names = ("station", "offset", "heading_error")
+        low, high = (tuple(s[name] for name in names) for s in (lower, upper))
+        return Places(
+            (low[0], low[1], low[2]), (high[0], high[1], high[2]),
+            (station, path.x[j], path.y[j], path.heading[j]),
+            (min(path.curvature_lower[bins]), max(path.curvature_upper[bins])),
+        )  # fmt: skip
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Separation:
+    """verdict: SAFE when every proved clearance reaches what was required, UNPROVED otherwise.
+
+    clearance_m: smallest proved clearance, inf with nobody; time_s: start of its segment; person:
+    who;
+    occupancy (K x 5): rectangles (centre x, y, heading, half length, half width) that contain the
+    body; rigor: that of the tube, capped at NUMERICAL for the path table.
+    """
+
+    verdict: Verdict
+    clearance_m: float
+    time_s: float | None
+    person: str | None
+    occupancy: Array
+    rigor: Rigor
+
+
+def check_separation(
+    tube: ReachTube,
+    *,
+    ground: Ground,
+    body: VehicleBody,
+    people: Sequence[Person],
+    clearance_required_m: float,
+) -> Separation:
+    """Compare the swept body with everybody's discs, segment by segment in time.
+
+    tube: over the states that `ground` reads; people: discs that grow along straight lines, at the
+    tube's time 0. Conservative: the body's rectangle is taken over the whole segment box, a
+    person's disc over the whole segment. A tube that is not complete gives INVALID.
+    """
+    if not (math.isfinite(clearance_required_m) and clearance_required_m >= 0):
+        raise InputError(
+            f"expected a finite clearance_required_m >= 0, got {clearance_required_m!r}"
+        )
+    occupancy = covered_ground(tube, ground=ground, body=body)
+    measure = clearance_function()
+    smallest, when, who = math.inf, None, None
+    for k, rectangle in enumerate(occupancy):
+        for person in people:
+            value, ok = measure(rectangle, person.numbers, tube.times[k], tube.times[k + 1])
+            clearance = float(value) if float(ok) == 1.0 else -math.inf
+            if clearance < smallest:
+                smallest, when, who = clearance, float(tube.times[k]), person.name
+    verdict = Verdict.SAFE if smallest >= clearance_required_m else Verdict.UNPROVED
+    return Separation(
+        verdict if tube.complete else Verdict.INVALID, smallest, when, who, occupancy,
+        weakest(tube.rigor, Rigor.NUMERICAL),
+    )  # fmt: skip
+
+
+def covered_ground(tube: ReachTube, *, ground: Ground, body: VehicleBody) -> Array:
+    """Rectangles (K x 5) that contain the body on every segment of `tube`."""
+    function = occupancy_function()
+    size = [body.front_m, body.rear_m, body.half_width_m]
+    rows = []
+    for low, high in zip(tube.lower, tube.upper, strict=True):
+        places = ground.places(
+            dict(zip(tube.names, map(float, low), strict=True)),
+            dict(zip(tube.names, map(float, high), strict=True)),
+        )
+        rectangle, ok = function(places.lower, places.upper, places.node, places.curvature, size)
+        if float(ok) != 1.0:
+            raise InputError("the covered ground is unbounded (heading or curvature out of range)")
+        rows.append(np.array(rectangle).ravel())
+    return np.array(rows).reshape(len(rows), 5)
