@@ -25,7 +25,7 @@ from workbench.cli.output import emit
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
-    from workbench.cli.analysis_results import Derived
+    from workbench.cli.analysis_results import Array, Derived
     from workbench.reach import ReachTube
     from workbench.sets import Box
 
@@ -115,6 +115,12 @@ def _outcome(args: argparse.Namespace, subject: Subject) -> _Outcome:
     return _Outcome(subject, region, tube, tube_cost_s, bounds, condition, holds)
 
 
+def _sampled(subject: Subject, times_s: Array) -> Array:
+    from workbench.cli.analysis_results import sampled_distances
+
+    return sampled_distances(subject, times_s, count=_SAMPLES, seed=_SEED)
+
+
 def _text(args: argparse.Namespace, outcome: _Outcome) -> str:
     import numpy as np
 
@@ -125,16 +131,12 @@ def _text(args: argparse.Namespace, outcome: _Outcome) -> str:
         distances_from,
         ending,
         radii,
-        sampled_distances,
     )
 
     subject, tube = outcome.subject, outcome.tube
     times = np.array(shown_instants(args.horizon))
     columns = {
-        "sampled": (
-            Rigor.SAMPLED,
-            sampled_distances(subject, times, count=_SAMPLES, seed=_SEED),
-        ),
+        "sampled": (Rigor.SAMPLED, _sampled(subject, times)),
         "tube": (tube.rigor, distances_from(centre_run(subject, times), tube, times)),
     }
     rows: list[list[str | int | float | None]] = [
@@ -190,6 +192,7 @@ def _data(args: argparse.Namespace, outcome: _Outcome) -> dict[str, object]:
             }
             for each in outcome.bounds
         ],
+        "sampled": _sampled(subject, times),
         "tube": tube_data(outcome.tube, horizon_s=args.horizon) | {"cost_s": outcome.tube_cost_s},
         "plot": args.plot,
     }
@@ -207,8 +210,9 @@ def _write_page(args: argparse.Namespace, outcome: _Outcome) -> None:
 
     subject, tube = outcome.subject, outcome.tube
     ode, times = subject.system.ode, curve_times(args.horizon)
-    reached = sampled_distances(subject, times, count=_SAMPLES, seed=_SEED)
-    curves = growths(subject, times, reached=reached, tube=tube, bounds=outcome.bounds)
+    curves = growths(
+        subject, times, reached=_sampled(subject, times), tube=tube, bounds=outcome.bounds
+    )
     claims = [
         Claim(f"{each.method}: {each.bound.norm}. It holds when {each.bound.condition}.",
               each.bound.rigor)

@@ -26,6 +26,7 @@ from workbench.errors import InputError
 if TYPE_CHECKING:
     from workbench.reach import ReachTube
     from workbench.report.curves import Growth
+    from workbench.report.page import Claim
     from workbench.sensitivity import Discrepancy, Examination, ProvedEnvelope
     from workbench.sensitivity.witness import Witness
 
@@ -261,21 +262,28 @@ def _curves(outcome: _Outcome) -> list[Growth]:
             found.times,
             found.learned,
             finding=verdict,
-            detail=outcome.learned.norm,
         ),
     ]
     for name, curve in zip(outcome.methods, found.proved, strict=True):
-        detail = f"holds when {curve.condition}"
-        curves.append(
-            Growth(name, Origin.PROVED, curve.rigor, found.times, curve.half_widths, detail=detail)
-        )
+        curves.append(Growth(name, Origin.PROVED, curve.rigor, found.times, curve.half_widths))
     return curves
+
+
+def _claims(outcome: _Outcome) -> list[Claim]:
+    from workbench.report.page import Claim
+
+    learned = outcome.learned
+    proved = zip(outcome.methods, outcome.found.proved, strict=True)
+    return [
+        Claim(f"{learned.norm}. Condition: {learned.condition}.", learned.rigor),
+        *(Claim(f"{name}. Condition: {curve.condition}.", curve.rigor) for name, curve in proved),
+    ]
 
 
 def _write_page(args: argparse.Namespace, outcome: _Outcome, target: Path) -> None:
     from workbench import __version__
     from workbench.cli.analysis_results import growth_section
-    from workbench.report.page import Page, Paragraph, Section, write_page
+    from workbench.report.page import Claims, Page, Section, write_page
     from workbench.report.tables import Table
 
     ode, curves = outcome.subject.system.ode, _curves(outcome)
@@ -283,9 +291,7 @@ def _write_page(args: argparse.Namespace, outcome: _Outcome, target: Path) -> No
         f"Cross-examination of a learned bound for {outcome.subject.name}",
         [*_lead(outcome), *_doubts(outcome)],
         [
-            Section(
-                "The learned bound", [Paragraph(f"It holds when {outcome.learned.condition}.")]
-            ),
+            Section("What is claimed", [Claims(_claims(outcome))]),
             growth_section(curves, ode),
             Section(
                 "Coverage",

@@ -37,7 +37,7 @@ from workbench.sets import Box
 
 # The kernel takes curvature from the path table; the model's own interval is a placeholder.
 _ANY_CURVATURE = PathFrame(-0.5, 0.5)
-_MERGE_STEPS = 2
+_MERGE_STEPS = 1
 # A station is a place along the path: the path table limits it, not the proof.
 _STATIONS_M = (-1e6, 1e6)
 

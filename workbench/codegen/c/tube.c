@@ -6,6 +6,8 @@
  * written so that a NaN refuses.
  */
 
+#define WB_FLUSH_SHARE 4e-3 /* measured on B1: below it columns cost more than they tighten */
+
 enum wb_status { WB_COMPLETE = 0, WB_LEFT_REGION = 1, WB_NO_ENCLOSURE = 2, WB_BAD_INPUT = 4 };
 
 typedef struct {
@@ -66,11 +68,11 @@ static void wb_start(wb_set *s, const double *center, const double *radius, cons
 }
 
 /* Turns the pending box into columns of its own, so that later steps keep its signs. A state that feeds
- * no other keeps its share in the box, and so does one whose share is a thousandth of its radius. */
+ * no other keeps its share in the box, and so does one whose share is too small to be worth it. */
 static void wb_flush(wb_set *s) {
   int i, row;
   for (i = 0; i < WB_N; ++i) {
-    if (!wb_feeds[i] || !(s->pending[i] > 1e-3 * s->r[i])) continue;
+    if (!wb_feeds[i] || !(s->pending[i] > WB_FLUSH_SHARE * s->r[i])) continue;
     for (row = 0; row < WB_N; ++row) wb_row(s->g, row)[s->columns] = 0.0;
     wb_row(s->g, i)[s->columns] = s->pending[i];
     s->pending[i] = 0.0;
