@@ -85,7 +85,7 @@ class _Run:
         self.w_rad = np.array([(d.upper - d.lower) / 2 * (1 + 1e-15) for d in ode.disturbances])
         self.lower_at, self.upper_at = [np.array(start.lower)], [np.array(start.upper)]
         self.lower: list[Array] = []
-        self.f_lower, self.f_upper = np.zeros(len(self.x)), np.zeros(len(self.x))
+        self.field_range: dict[str, tuple[Array, Array]] = {}
         self.upper: list[Array] = []
 
     def tube(self, n_shown: int) -> ReachTube:
@@ -148,12 +148,14 @@ class _Run:
 
     def _enclosed(self, function: ca.Function, common: dict[str, Array]) -> dict[str, Array] | None:
         """Picard trials, from the range of the field over the previous step."""
+        zero = np.zeros(len(self.x))
         for _ in range(PICARD_TRIALS):
-            guess = {"guess_lower": self.f_lower, "guess_upper": self.f_upper}
+            low, high = self.field_range.get(function.name(), (zero, zero))
+            guess = {"guess_lower": low, "guess_upper": high}
             box = _call(function, common | guess)
             if not np.all(np.isfinite(box["f_lower"]) & np.isfinite(box["f_upper"])):
                 return None
-            self.f_lower, self.f_upper = box["f_lower"], box["f_upper"]
+            self.field_range[function.name()] = box["f_lower"], box["f_upper"]
             if box["ok"][0] == 1.0:
                 return box
         return None

@@ -18,6 +18,7 @@ typedef struct {
   double w_mid[WB_NW + 1], w_rad[WB_NW + 1];
   double slope[WB_NK + 1], offset[WB_NK + 1], gap[WB_NK + 1];
   double box_lower[WB_N], box_upper[WB_N], f_lower[WB_N], f_upper[WB_N];
+  double true_lower[WB_N], true_upper[WB_N];
   double sizes[WB_SIZES];
   double chord[WB_N];
   int columns;
@@ -99,7 +100,7 @@ static int wb_relax_kinks(wb_set *s, double h) {
     {
       const double *arg[] = {s->x,      s->r,         s->p,         s->w_mid,   s->w_rad,
                              s->slope,  s->offset,    s->gap,       &h,         s->box_lower,
-                             s->box_upper, s->f_lower, s->f_upper,  &driver,    &spread};
+                             s->box_upper, s->true_lower, s->true_upper, &driver, &spread};
       double *res[] = {&slope, &offset, &gap, &ok};
       if (wb_call(wb_relaxations[i], arg, res) || !(ok == 1.0)) return WB_NO_ENCLOSURE;
     }
@@ -111,8 +112,9 @@ static int wb_relax_kinks(wb_set *s, double h) {
 }
 #endif
 
-/* Picard trials, from the range of the field over the previous step (the last two of arg). */
-static int wb_picard(wb_set *s, wb_function function, const double **arg) {
+/* Picard trials from the guessed range of the field, which arg ends with: the previous step's. */
+static int wb_picard(wb_set *s, wb_function function, const double **arg, double *guess_lower,
+                     double *guess_upper) {
   double ok, f_lower[WB_N], f_upper[WB_N];
   double *res[] = {s->box_lower, s->box_upper, f_lower, f_upper, &ok, s->sizes};
   int trial;
@@ -120,8 +122,8 @@ static int wb_picard(wb_set *s, wb_function function, const double **arg) {
     ok = 0.0;
     if (wb_call(function, arg, res)) return WB_NO_ENCLOSURE;
     if (!wb_finite(f_lower, WB_N) || !wb_finite(f_upper, WB_N)) return WB_NO_ENCLOSURE;
-    memcpy(s->f_lower, f_lower, sizeof f_lower);
-    memcpy(s->f_upper, f_upper, sizeof f_upper);
+    memcpy(guess_lower, f_lower, sizeof f_lower);
+    memcpy(guess_upper, f_upper, sizeof f_upper);
     if (ok == 1.0) return WB_COMPLETE;
   }
   return WB_NO_ENCLOSURE;
@@ -131,10 +133,11 @@ static int wb_bound_field(wb_set *s, double h) {
   const double *arg[] = {s->x,      s->r,   s->p, s->w_mid,   s->w_rad,  s->slope,
                          s->offset, s->gap, &h,   s->f_lower, s->f_upper};
 #if WB_NK > 0
-  const double *plain[] = {s->x, s->r, s->p, s->w_mid, s->w_rad, &h, s->f_lower, s->f_upper};
-  if (wb_picard(s, wb_enclose, plain) || wb_relax_kinks(s, h)) return WB_NO_ENCLOSURE;
+  const double *plain[] = {s->x, s->r, s->p, s->w_mid, s->w_rad, &h, s->true_lower, s->true_upper};
+  if (wb_picard(s, wb_enclose, plain, s->true_lower, s->true_upper)) return WB_NO_ENCLOSURE;
+  if (wb_relax_kinks(s, h)) return WB_NO_ENCLOSURE;
 #endif
-  return wb_picard(s, wb_bounds, arg);
+  return wb_picard(s, wb_bounds, arg, s->f_lower, s->f_upper);
 }
 
 static int wb_in_region(const wb_set *s) {
