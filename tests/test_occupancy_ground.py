@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from decision_fixture import (
@@ -55,9 +57,9 @@ def test_bodies_of_every_proportion_stay_inside(body: tuple[float, float, float]
     assert rectangle_excess(rectangles, x, y).max() <= 1e-12
 
 
-@pytest.mark.parametrize("where", ["straight", "left"])
+@pytest.mark.parametrize(("where", "most_m"), [("straight", 1e-6), ("left", 0.035)])
 def test_a_known_state_costs_a_few_centimetres_in_the_first_segment(
-    where: str, record_property: pytest.RecordProperty
+    where: str, most_m: float, record_property: Callable[[str, object], None]
 ) -> None:
     path, start = paths()[where], STARTS["point"]
     answer = kernel()(query(path.table, start))
@@ -67,8 +69,8 @@ def test_a_known_state_costs_a_few_centimetres_in_the_first_segment(
     over_width = half_width - BODY[2]
     record_property("over_length_m", over_length)
     record_property("over_width_m", over_width)
-    assert 0.0 <= over_length < 0.02
-    assert 0.0 <= over_width < 0.02
+    assert 0.0 <= over_length < most_m
+    assert 0.0 <= over_width < most_m
 
 
 _offsets = st.floats(-1.5, 1.5)
@@ -88,7 +90,7 @@ def _pose_boxes(draw: st.DrawFn) -> tuple[list[float], list[float]]:
 _occupancy = occupancy_function()
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(
     box=_pose_boxes(),
     curvature=st.floats(-0.6, 0.6),

@@ -133,7 +133,7 @@ def test_the_vehicle_gets_the_recorded_shape_about_its_rear_axle() -> None:
     shape = vehicle.geometry
     assert (shape.wheelbase_m, shape.half_width_m) == (2.71, 0.91)
     assert (shape.front_m, shape.rear_m) == pytest.approx((3.8, 1.0))
-    assert vehicle.operation.region.interval("speed") == (0.0, 10.0)
+    assert vehicle.operation.region.interval("speed") == (-0.5, 10.0)
     assert vehicle.limits.steering_rate_radps == SETTINGS.errors.steering_rate_limit_radps
     assert vehicle.limits.accel_max_mps2 == gem_e2().limits.accel_max_mps2
 

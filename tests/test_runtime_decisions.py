@@ -56,7 +56,7 @@ def test_nobody_near_is_safe_and_the_decision_says_what_it_rests_on() -> None:
     assert decision.clearance_person is None
     assert [a.name for a in decision.assumptions] == ["model"]
     assert decision.rigor is Rigor.NUMERICAL
-    assert 0.0 < decision.elapsed_s < 0.1
+    assert decision.elapsed_s > 0.0
     assert len(decision.tube_lower) == len(decision.tube_upper) == STEPS
     assert [len(row) for row in decision.occupancy] == [5] * STEPS
     assert decision.tube_lower[0][0] < 0.0 < decision.tube_upper[0][0]

@@ -115,6 +115,11 @@ def _outcome(args: argparse.Namespace, subject: Subject) -> _Outcome:
     return _Outcome(subject, region, tube, tube_cost_s, bounds, condition, holds)
 
 
+def _told(region: Box) -> str:
+    sides = zip(region.names, region.lower, region.upper, strict=True)
+    return ", ".join(f"{name} [{low:.4g}, {high:.4g}]" for name, low, high in sides)
+
+
 def _sampled(subject: Subject, times_s: Array) -> Array:
     from workbench.cli.analysis_results import sampled_distances
 
@@ -146,7 +151,6 @@ def _text(args: argparse.Namespace, outcome: _Outcome) -> str:
         if each.bound:
             columns[each.method] = (each.bound.rigor, radii(each.bound, subject, times))
         rows.append([each.method, each.bound.rigor.name if each.bound else "none", each.cost_s])
-    sides = zip(outcome.region.names, outcome.region.lower, outcome.region.upper, strict=True)
     return "\n".join(
         [
             f"{subject.name}: bounds on the distance from the run that starts in the middle",
@@ -156,7 +160,7 @@ def _text(args: argparse.Namespace, outcome: _Outcome) -> str:
             "",
             distance_table(subject.system.ode, times, columns),
             "",
-            "region: " + ", ".join(f"{name} [{low:.4g}, {high:.4g}]" for name, low, high in sides),
+            f"region: {_told(outcome.region)}",
             f"staying in the region: {outcome.condition}",
             ending(tube),
             *([f"wrote {args.plot}"] if args.plot else []),
@@ -200,12 +204,7 @@ def _data(args: argparse.Namespace, outcome: _Outcome) -> dict[str, object]:
 
 def _write_page(args: argparse.Namespace, outcome: _Outcome) -> None:
     from workbench import __version__
-    from workbench.cli.analysis_results import (
-        curve_times,
-        growth_section,
-        growths,
-        sampled_distances,
-    )
+    from workbench.cli.analysis_results import curve_times, growth_section, growths
     from workbench.report.page import Claim, Claims, Page, Section, write_page
 
     subject, tube = outcome.subject, outcome.tube

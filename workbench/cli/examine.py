@@ -165,9 +165,8 @@ def _replay(args: argparse.Namespace) -> int:
     witness = load_witness(args.replay, subject)
     distance = witness.replay(subject.system)
     refutes = distance - witness.integration_error > witness.bound
-    text = f"{_told(witness)}\nreplayed: the distance is {distance!r}; the bound is " + (
-        "refuted" if refutes else "not refuted by this pair"
-    )
+    outcome = "refuted" if refutes else "not refuted by this pair"
+    text = f"{_told(witness)}\nreplayed: the distance is {distance!r}; the bound is {outcome}"
     data = {"witness": witness, "replayed_distance": distance, "refutes": refutes}
     emit(args, text, data)
     return 1 if refutes else 0
@@ -253,16 +252,10 @@ def _curves(outcome: _Outcome) -> list[Growth]:
     from workbench.report.curves import Growth, Origin
 
     found, verdict = outcome.found, _VERDICTS[outcome.found.verdict.name]
+    grade = Rigor.SAMPLED
     curves = [
-        Growth("sampled and driven", Origin.SAMPLES, Rigor.SAMPLED, found.times, found.driven),
-        Growth(
-            "learned",
-            Origin.LEARNED,
-            Rigor.SAMPLED,
-            found.times,
-            found.learned,
-            finding=verdict,
-        ),
+        Growth("sampled and driven", Origin.SAMPLES, grade, found.times, found.driven),
+        Growth("learned", Origin.LEARNED, grade, found.times, found.learned, finding=verdict),
     ]
     for name, curve in zip(outcome.methods, found.proved, strict=True):
         curves.append(Growth(name, Origin.PROVED, curve.rigor, found.times, curve.half_widths))

@@ -13,6 +13,7 @@ from workbench.sensitivity.validity import Validity, verbatim
 
 # Covers the conversion of the rectangle's centre and heading to single numbers, m.
 _PADDING_M = 1e-9
+_MOST_ROTATION_RAD = 1.5
 
 
 def occupancy_function() -> ca.Function:
@@ -22,7 +23,7 @@ def occupancy_function() -> ca.Function:
     theta in [k] delta, its point lies at (delta cos, delta sin)([0, theta]), the reference point at
     that point + e (-sin, cos)(theta), and the body points along psi + theta. A rotation by at most
     rho about the middle heading moves a body point by at most half_width rho along the body and
-    max(front, rear) rho across it.
+    max(front, rear) rho across it; ok is 0 for a rho above 1.5.
     Inputs: lower, upper (3): station (m), offset (m), heading error (rad); node (4): station, x,
     y, heading; curvature (2), 1/m;
     body (3): front, rear, half width in m. Outputs: rectangle (5): centre x, y, heading, half
@@ -51,6 +52,8 @@ def occupancy_function() -> ca.Function:
     direction = interval(middle, middle)
     c, s = cos(direction), sin(direction)
     rotation = (heading - direction).absolute()
+    # Beyond a quarter turn the front would come to lie behind the rear bumper.
+    validity.require(rotation.upper <= _MOST_ROTATION_RAD)
     spread_along = (along - interval(along_mid, along_mid)).absolute()
     spread_across = (across - interval(across_mid, across_mid)).absolute()
     c_size, s_size = c.absolute(), s.absolute()

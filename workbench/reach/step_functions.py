@@ -101,8 +101,8 @@ def _enclose(form: SmoothForm, s: StepSymbols) -> ca.Function:
         result = lift(
             [ode.field],
             [ode.x, ode.p, ode.w],
-            [lower, s.p[:n_p], s.w_mid - s.w_rad],
-            [upper, s.p[:n_p], s.w_mid + s.w_rad],
+            [lower, s.p[:n_p, :], s.w_mid - s.w_rad],
+            [upper, s.p[:n_p, :], s.w_mid + s.w_rad],
             outward=False,
         )
         return result.lower[0], result.upper[0], result.valid

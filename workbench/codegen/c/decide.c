@@ -34,6 +34,9 @@ static int wb_sane_query(const double *q) {
   if (!wb_finite(q, WB_QUERY_SIZE)) return 0;
   if (!(people >= 0.0 && people <= WB_PEOPLE && people == (int)people)) return 0;
   if (!(nodes >= 2.0 && nodes <= WB_NODES && nodes == (int)nodes)) return 0;
+  for (i = 0; i < (int)nodes - 1; ++i) {
+    if (!(q[WB_Q_PATH_CURVATURE_LOWER + i] <= q[WB_Q_PATH_CURVATURE_UPPER + i])) return 0;
+  }
   if (!(q[WB_Q_PATH_SPACING_M] > 0.0 && q[WB_Q_CLEARANCE_REQUIRED_M] >= 0.0)) return 0;
   if (!(q[WB_Q_FRONT_M] >= 0.0 && q[WB_Q_REAR_M] >= 0.0 && q[WB_Q_HALF_WIDTH_M] >= 0.0)) return 0;
   for (i = 0; i < WB_N; ++i) {
@@ -125,10 +128,7 @@ long long wb_query_size(void) { return WB_QUERY_SIZE; }
 long long wb_result_size(void) { return WB_RESULT_SIZE; }
 
 int wb_decide(const double *query, double *result, double *work) {
-  const wb_path path = {(int)query[WB_Q_PATH_COUNT],    query[WB_Q_PATH_START_M],
-                        query[WB_Q_PATH_SPACING_M],     query + WB_Q_PATH_X,
-                        query + WB_Q_PATH_Y,            query + WB_Q_PATH_HEADING,
-                        query + WB_Q_PATH_CURVATURE_LOWER, query + WB_Q_PATH_CURVATURE_UPPER};
+  wb_path path;
   wb_set s;
   int k, status = WB_COMPLETE;
   memset(result, 0, WB_RESULT_SIZE * sizeof *result);
@@ -137,6 +137,14 @@ int wb_decide(const double *query, double *result, double *work) {
   result[WB_R_CLEARANCE_M] = WB_NO_CLEARANCE;
   result[WB_R_CLEARANCE_PERSON] = -1.0;
   if (!wb_sane_query(query)) return 0;
+  path.count = (int)query[WB_Q_PATH_COUNT];
+  path.start = query[WB_Q_PATH_START_M];
+  path.spacing = query[WB_Q_PATH_SPACING_M];
+  path.x = query + WB_Q_PATH_X;
+  path.y = query + WB_Q_PATH_Y;
+  path.heading = query + WB_Q_PATH_HEADING;
+  path.low = query + WB_Q_PATH_CURVATURE_LOWER;
+  path.high = query + WB_Q_PATH_CURVATURE_UPPER;
   wb_start(&s, query + WB_Q_INITIAL_CENTER, query + WB_Q_INITIAL_RADIUS, query + WB_Q_PARAMETERS,
            work);
   for (k = 0; k < WB_STEPS; ++k) {

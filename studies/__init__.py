@@ -1,0 +1,1 @@
+"""Studies: model, specification, analysis, asserted claim, plot. Each file is one claim."""

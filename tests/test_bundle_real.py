@@ -1,0 +1,156 @@
+"""The bundle of the shipped vehicle loads and decides at once, and refuses every kind of damage."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from decision_fixture import HORIZON_S, STEP_S, real_files, real_manifest, write_real_bundle
+
+from workbench.claims import Rigor, Verdict
+from workbench.codegen import MonitorSpec, build_bundle
+from workbench.errors import InputError
+from workbench.models.vehicle import gem_e2
+from workbench.runtime import load_bundle
+from workbench.runtime.layout import KERNEL_VERDICTS
+from workbench.runtime.manifest import CHECKSUM_FILE, LIBRARY_FILE, MANIFEST_FILE, checksums_text
+
+ROOT = Path(__file__).parent.parent
+_FOREIGN = "aarch64" if platform.machine() != "aarch64" else "x86_64"
+
+_START = """
+import resource, sys, time
+started = time.perf_counter()
+import workbench.runtime
+from workbench.runtime import Monitor, Observation, PathTable, Person, load_bundle
+n = 400
+path = PathTable(-10.0, 0.25, tuple(0.25 * j - 10.0 for j in range(n)), (0.0,) * n, (0.0,) * n,
+                 (0.0,) * (n - 1), (0.0,) * (n - 1))
+monitor = Monitor(load_bundle(sys.argv[1]), path, release_steps=1, clearance_required_m=0.2)
+seen = Observation((-0.05, 0.05), (-0.05, 0.05), (-0.01, 0.01), (-0.005, 0.005), (2.7, 2.8),
+                   (0, 0), (0, 0), 2.8,
+                   people=(Person("aside", 5.0, 6.0, 0.5, 0.0, 0.3, 0.1, 0.1),))
+first = monitor.step(seen)
+cold_s = time.perf_counter() - started
+import json
+print(json.dumps({"verdict": first.verdict.name, "reason": first.reason, "cold_s": cold_s,
+                  "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}))
+"""
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Path:
+    return write_real_bundle(tmp_path / "bundle")
+
+
+def test_a_process_decides_soon_after_it_starts(
+    bundle: Path, record_property: Callable[[str, object], None]
+) -> None:
+    command = [sys.executable, "-c", _START, str(bundle)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    measured = json.loads(done.stdout)
+    record_property("cold_start_s", measured["cold_s"])
+    record_property("peak_mb", measured["peak_mb"])
+    assert measured["verdict"] == "SAFE", measured["reason"]
+    # Half a second and 80 MB on an idle machine; this one may be busy.
+    assert measured["cold_s"] < 5.0
+    assert measured["peak_mb"] < 80.0
+
+
+def test_the_golden_vectors_tell_the_verdicts_apart() -> None:
+    manifest = real_manifest()
+    place = next(f.offset for f in manifest.result if f.name == "verdict")
+    verdicts = {KERNEL_VERDICTS[int(golden.result[place])] for golden in manifest.golden}
+    assert verdicts == {Verdict.SAFE, Verdict.UNPROVED, Verdict.INVALID}
+    assert any(math.isnan(number) for golden in manifest.golden for number in golden.query)
+
+
+def test_the_manifest_says_what_was_built() -> None:
+    manifest, vehicle = real_manifest(), gem_e2()
+    assert manifest.rigor is Rigor.NUMERICAL
+    assert (manifest.horizon_s, manifest.step_s, manifest.steps) == (HORIZON_S, STEP_S, 60)
+    body, built = vehicle.geometry, manifest.vehicle
+    for name in ("wheelbase_m", "front_m", "rear_m", "half_width_m"):
+        assert getattr(built, name) == getattr(body, name)
+    assert manifest.region is not None
+    region = vehicle.operation.region
+    for name in region.names:
+        assert manifest.region.interval(name) == region.interval(name)
+    assert {"model", "initial set", "people", "sight"} <= {a.name for a in manifest.assumptions}
+
+
+@pytest.mark.parametrize("name", sorted([*real_files()]))
+def test_a_flipped_bit_in_any_file_is_refused_by_name(bundle: Path, name: str) -> None:
+    content = real_files()[name]
+    for place in (0, len(content) // 3, len(content) // 2, len(content) - 1):
+        flipped = bytearray(content)
+        flipped[place] ^= 1
+        (bundle / name).write_bytes(flipped)
+        with pytest.raises(InputError, match=name):
+            load_bundle(bundle)
+    (bundle / name).write_bytes(content)
+    load_bundle(bundle)
+
+
+def _rewritten(bundle: Path, name: str, change: Callable[[bytes], bytes]) -> Path:
+    """The bundle with one file changed and its checksum made right again."""
+    files = {n: c for n, c in real_files().items() if n != CHECKSUM_FILE}
+    files[name] = change(files[name])
+    (bundle / name).write_bytes(files[name])
+    (bundle / CHECKSUM_FILE).write_text(checksums_text(files))
+    return bundle
+
+
+def test_another_machines_bundle_is_refused_though_its_hashes_are_right(bundle: Path) -> None:
+    here = f'"machine": "{platform.machine()}"'.encode()
+    there = f'"machine": "{_FOREIGN}"'.encode()
+    with pytest.raises(InputError, match=f"built for {_FOREIGN}, this machine is"):
+        load_bundle(_rewritten(bundle, MANIFEST_FILE, lambda text: text.replace(here, there)))
+
+
+def test_a_library_of_another_machine_is_refused_though_its_hashes_are_right(bundle: Path) -> None:
+    def patched(library: bytes) -> bytes:
+        return library[:18] + (8).to_bytes(2, "little") + library[20:]
+
+    with pytest.raises(InputError, match="ELF header of kernel.so says machine 8"):
+        load_bundle(_rewritten(bundle, LIBRARY_FILE, patched))
+
+
+def test_a_kernel_with_another_constant_fails_its_golden_vectors(bundle: Path) -> None:
+    """The region's end 1.5 m, found in the library's tables and moved to 1.25 m."""
+    import struct
+
+    old, new = struct.pack("<d", 0.6), struct.pack("<d", 0.35)
+    assert old in real_files()[LIBRARY_FILE]
+    with pytest.raises(InputError, match="golden vector"):
+        load_bundle(_rewritten(bundle, LIBRARY_FILE, lambda code: code.replace(old, new)))
+
+
+def test_building_twice_gives_the_same_bytes_and_replaces_only_bundles(tmp_path: Path) -> None:
+    spec = MonitorSpec(gem_e2(), HORIZON_S, STEP_S)
+    folder = build_bundle(spec, tmp_path / "deep" / "bundle")
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == real_files()
+    (folder / LIBRARY_FILE).write_bytes(b"damaged")
+    assert load_bundle(build_bundle(spec, folder)).manifest == real_manifest()
+    assert [path.name for path in folder.parent.iterdir()] == ["bundle"]
+    other = tmp_path / "papers"
+    other.mkdir()
+    (other / "thesis.txt").write_text("years of work")
+    with pytest.raises(InputError, match="exists and is not a bundle"):
+        build_bundle(spec, other)
+    assert [path.name for path in other.iterdir()] == ["thesis.txt"]
+
+
+@pytest.mark.parametrize(
+    ("horizon_s", "step_s"),
+    [(3.0, 0.0), (3.0, -0.1), (0.0, 0.1), (3.0, 0.07), (math.inf, 0.1), (math.nan, 0.1), (3.0, math.nan)],
+)
+def test_impossible_grids_are_refused(horizon_s: float, step_s: float) -> None:
+    with pytest.raises(InputError, match="expected"):
+        MonitorSpec(gem_e2(), horizon_s, step_s)

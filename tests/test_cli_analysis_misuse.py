@@ -1,0 +1,116 @@
+"""Wrong use of an analysis command is refused in words, before anything is computed or written."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("casadi", reason="needs the optional package casadi")
+
+from cli_fixture import SHORT, Invoke, changed_vehicle, invoke  # noqa: F401
+
+BROKEN_FILE = "<broken>"
+WRONG_USE: list[tuple[str, str]] = [
+    ("{c} --vehicle nowhere.toml", "nowhere.toml: no such vehicle file; copy the shipped one"),
+    ("{c} --vehicle " + BROKEN_FILE, "expected a TOML file, but: "),
+    ("{c} --horizon -1", "--horizon: expected a finite number > 0, got '-1'"),
+    ("{c} --horizon nan", "--horizon: expected a finite number > 0, got 'nan'"),
+    ("{c} --horizon 1e9", "--horizon: expected at most 60 s, got 1e+09"),
+    ("{c} --step 0", "--step: expected a finite number > 0, got '0'"),
+    ("{c} --step 1e-9", "expected at most 20000 steps, got --horizon 3 / --step 1e-09"),
+    ("{c} --step 5", "expected --step <= --horizon, got 5 s and 3 s"),
+]
+COMMANDS = ("derive", "learn", "examine --out {tmp}", "reach", "gains")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [(line.replace("{c}", command), said) for line, said in WRONG_USE for command in COMMANDS]
+    + [
+        ("reach --plot /dev/null/x.html", "a part of its path is a file, not a folder"),
+        ("reach --csv /dev/null/x/y.csv", "--csv: expected a file that can be written"),
+        ("reach --csv {tmp}", "(it is a folder); name one in another folder"),
+        ("derive --plot /dev/null/x.html", "--plot: expected a file that can be written"),
+        ("learn --save /dev/null/x.json", "--save: expected a file that can be written"),
+        ("examine --out /dev/null/x", "choose another with --out DIR"),
+        ("reach --parts height=2", "unknown state 'height'; the states are station, offset"),
+        ("reach --parts offset", "expected STATE=N,... with each state once"),
+        ("reach --parts offset=0", "N from 1 to 9999, got 'offset=0'"),
+        ("reach --parts offset=2,offset=2", "with each state once"),
+        ("reach --parts speed_integral=2", "speed_integral is exactly 0 there; leave it out"),
+        ("reach --parts offset=999,speed=999", "expected at most 4096 cells in all, got 998001"),
+        ("reach --curvature 0.2 0.1", "expected LOW <= HIGH, got 0.2 0.1; swap"),
+        ("reach --curvature nan 1", "--curvature: expected a finite number, got 'nan'"),
+        ("reach --system b9", "invalid choice: 'b9'"),
+        ("reach --system b1 --curvature 0 0", "expected --system or --curvature, got both"),
+        ("derive --system b1 --vehicle x", "expected --system or --vehicle, got both"),
+        ("derive --system b1 --over operation", "has no operating region; use --over tube"),
+        ("derive --cells 0", "--cells: expected a whole number >= 1, got '0'"),
+        ("learn --pairs 1.5", "--pairs: expected a whole number >= 1, got '1.5'"),
+        ("learn --delta 1", "--delta: expected a number between 0 and 1, got '1'"),
+        ("learn --epsilon 1e-9", "expected at most 2000000 pairs"),
+        ("learn --seed -3", "--seed: expected a whole number >= 0, got '-3'"),
+        ("learn --pairs 5 --epsilon 0.1", "not allowed with argument"),
+        ("learn --system b1 --step 0.7", "expected a horizon of whole steps"),
+        ("examine --out {tmp} --learned none.json", "none.json: no such file"),
+        ("examine --out {tmp} --learned " + BROKEN_FILE, "expected JSON, but: "),
+        ("examine --replay none.json", "none.json: no such file"),
+    ],
+)
+def test_wrong_use_is_refused_in_words(
+    line: str, said: str, invoke: Invoke, tmp_path: Path
+) -> None:
+    broken = tmp_path / "broken.toml"
+    broken.write_text("[vehicle\nname = ", encoding="utf-8")
+    words = line.replace("{tmp}", str(tmp_path)).replace(BROKEN_FILE, str(broken)).split()
+    found = invoke(*words)
+    assert found.status == 2
+    assert said in found.err
+    assert "Traceback" not in found.err
+    assert found.out == ""
+    assert sorted(tmp_path.iterdir()) == [broken]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("wheelbase_m = 1.75", "wheelbase_m = -1.75", "wheelbase_m: expected a number > 0, got -1"),
+        ("wheelbase_m = 1.75", "wheel_m = 1.75", "unknown key 'wheel_m' in [geometry]"),
+        ("look_ahead_m = 2.0", "look_ahead_m = nan", "look_ahead_m: expected a finite number"),
+    ],
+)
+def test_a_wrong_vehicle_file_is_refused_in_words(
+    old: str, new: str, said: str, invoke: Invoke, changed_vehicle: Callable[..., Path]
+) -> None:
+    file = changed_vehicle(old, new)
+    for command in ("derive", "gains"):
+        found = invoke(command, "--vehicle", file)
+        assert found.status == 2
+        assert f"{file}: " in found.err
+        assert said in found.err
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"amplitude": [1.0]}, "expected 7 numbers per list, one per state"),
+        ({"amplitude": [float("nan")] * 7}, "expected finite numbers"),
+        ({"horizon_s": "soon"}, "could not convert string to float"),
+        ({"horizon_s": 0.1}, "pass --horizon 0.1 or learn again"),
+        ({"statement": None}, "expected the file as it was written"),
+        ({"format": "another"}, "format 'learned discrepancy 1'"),
+        ({"loop": {}}, "expected a file made with the loop of B1-small, got another"),
+    ],
+)
+def test_a_spoilt_learned_file_is_refused_in_words(
+    change: dict[str, object], said: str, invoke: Invoke, tmp_path: Path
+) -> None:
+    saved = tmp_path / "learned.json"
+    invoke("learn", *SHORT, "--pairs", "5", "--save", saved)
+    saved.write_text(json.dumps(json.loads(saved.read_text()) | change))
+    found = invoke("examine", *SHORT, "--learned", saved, "--out", tmp_path / "out")
+    assert found.status == 2
+    assert said in found.err

@@ -1,0 +1,112 @@
+"""Nobody who stays in the predicted disc comes closer to the car than the clearance reported."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from decision_fixture import (
+    BODY,
+    FINE,
+    INVALID,
+    SAFE,
+    STARTS,
+    STEP_S,
+    UNPROVED,
+    Array,
+    exact_runs,
+    kernel,
+    paths,
+    plane_pose,
+    query,
+)
+
+_REQUIRED_M = 0.2
+_SCENES = [("straight", "initial set"), ("left", "rate limit"), ("S", "point")]
+
+
+def _person(chance: np.random.Generator, where: str) -> list[float]:
+    """Somebody beside the path who walks anywhere, and a disc that grows."""
+    station, side = chance.uniform(-3.0, 12.0), chance.choice([-1.0, 1.0])
+    x, y, heading = (float(part[0]) for part in paths()[where].pose(np.array([station])))
+    offset = side * chance.uniform(1.0, 7.0)
+    speed, way = chance.uniform(0.0, 2.0), chance.uniform(-np.pi, np.pi)
+    x, y = x - offset * np.sin(heading), y + offset * np.cos(heading)
+    growth = [chance.uniform(0.1, 0.5), chance.uniform(0.0, 0.3), chance.uniform(0.0, 0.3)]
+    return [x, y, speed * np.cos(way), speed * np.sin(way), *growth]
+
+
+def _distance(fine: Array, where: str, person: list[float]) -> Array:
+    """Signed distance of car body and predicted disc, (fine times, runs)."""
+    px, py, vx, vy, radius, growth, growth2 = person
+    tau = (STEP_S / FINE * np.arange(len(fine)))[:, None]
+    x, y, heading = plane_pose(paths()[where], fine)
+    dx, dy = px + vx * tau - x, py + vy * tau - y
+    front, rear, half_width = BODY
+    along = dx * np.cos(heading) + dy * np.sin(heading) - (front - rear) / 2
+    across = dy * np.cos(heading) - dx * np.sin(heading)
+    a, b = np.abs(along) - (front + rear) / 2, np.abs(across) - half_width
+    outside = np.hypot(np.maximum(a, 0.0), np.maximum(b, 0.0))
+    inside = np.minimum(np.maximum(a, b), 0.0)
+    return np.asarray(outside + inside - radius - growth * tau - growth2 / 2 * tau**2)
+
+
+@pytest.mark.parametrize(("where", "start"), _SCENES)
+def test_no_disc_comes_closer_than_the_clearance(where: str, start: str) -> None:
+    answered, fine = exact_runs(where, start)
+    chance = np.random.default_rng(23)
+    table, box = paths()[where].table, STARTS[start]
+    gaps, verdicts = [], []
+    for _ in range(60):
+        person = _person(chance, where)
+        answer = kernel()(query(table, box, [person], clearance_required_m=[_REQUIRED_M]))
+        assert answer.steps == answered.steps
+        nearest = float(_distance(fine, where, person).min())
+        gaps.append(nearest - answer.scalar("clearance_m"))
+        verdicts.append(answer.verdict)
+        if answer.verdict == SAFE:
+            assert answer.scalar("clearance_m") >= _REQUIRED_M
+            assert nearest > 0.0
+    assert min(gaps) >= -1e-9
+    # A bound of nothing would pass the line above.
+    assert float(np.median(gaps)) < 1.0
+
+    if answered.verdict == SAFE:
+        assert min(verdicts.count(SAFE), verdicts.count(UNPROVED)) >= 10
+    else:
+        assert set(verdicts) == {INVALID}
+
+
+@pytest.mark.parametrize(("where", "start"), [("straight", "initial set"), ("S", "point")])
+def test_the_clearance_of_many_is_the_smallest_of_each(where: str, start: str) -> None:
+    chance = np.random.default_rng(29)
+    table, box = paths()[where].table, STARTS[start]
+    for count in (2, 5, 32):
+        people = [_person(chance, where) for _ in range(count)]
+        alone = [kernel()(query(table, box, [person])) for person in people]
+        clearances = [answer.scalar("clearance_m") for answer in alone]
+        nearest = int(np.argmin(clearances))
+        together = kernel()(query(table, box, people))
+        assert together.scalar("clearance_m") == clearances[nearest]
+        assert together.scalar("clearance_person") == nearest
+        assert together.scalar("clearance_time_s") == alone[nearest].scalar("clearance_time_s")
+
+
+def test_an_empty_road_is_safe_and_names_nobody() -> None:
+    answer = kernel()(query(paths()["straight"].table, STARTS["point"]))
+    assert answer.verdict == SAFE
+    assert answer.scalar("clearance_m") == 1e300
+    assert answer.scalar("clearance_person") == -1.0
+
+
+@pytest.mark.parametrize("required", [0.0, 0.5, 2.0])
+def test_safe_means_at_least_the_required_clearance(required: float) -> None:
+    table, start = paths()["straight"].table, STARTS["point"]
+    aside = [5.0, 3.0, 0.0, 0.0, 0.3, 0.0, 0.0]
+    answer = kernel()(query(table, start, [aside], clearance_required_m=[required]))
+    clearance = answer.scalar("clearance_m")
+    # Standing still beside a straight road: 3 m less half the car's width and the radius.
+    assert 3.0 - BODY[2] - 0.3 - 1e-6 < clearance <= 3.0 - BODY[2] - 0.3
+    assert answer.verdict == (SAFE if clearance >= required else UNPROVED)
+    exactly = kernel()(query(table, start, [aside], clearance_required_m=[clearance]))
+    above = kernel()(query(table, start, [aside], clearance_required_m=[np.nextafter(clearance, 9)]))
+    assert (exactly.verdict, above.verdict) == (SAFE, UNPROVED)

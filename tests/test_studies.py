@@ -1,0 +1,22 @@
+"""Claim: every study in `studies` upholds its own assertion and draws its picture."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import pytest
+
+STUDIES = sorted(
+    path.stem
+    for path in (Path(__file__).parent.parent / "studies").glob("*.py")
+    if path.stem != "__init__"
+)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_the_claim_of_a_study_holds(name: str, tmp_path: Path) -> None:
+    picture = tmp_path / "study.png"
+    claim = importlib.import_module(f"studies.{name}").main(picture)
+    assert "inside" in claim
+    assert picture.stat().st_size > 1000
