@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import platform
+import struct
 import subprocess
 import sys
 from collections.abc import Callable
@@ -25,7 +26,7 @@ ROOT = Path(__file__).parent.parent
 _FOREIGN = "aarch64" if platform.machine() != "aarch64" else "x86_64"
 
 _START = """
-import resource, sys, time
+import sys, time
 started = time.perf_counter()
 import workbench.runtime
 from workbench.runtime import Monitor, Observation, PathTable, Person, load_bundle
@@ -39,8 +40,10 @@ seen = Observation((-0.05, 0.05), (-0.05, 0.05), (-0.01, 0.01), (-0.005, 0.005),
 first = monitor.step(seen)
 cold_s = time.perf_counter() - started
 import json
+# getrusage would count what the parent process held before this one replaced it.
+peak_kb = next(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM"))
 print(json.dumps({"verdict": first.verdict.name, "reason": first.reason, "cold_s": cold_s,
-                  "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}))
+                  "peak_mb": int(peak_kb) / 1024}))
 """
 
 
@@ -49,6 +52,7 @@ def bundle(tmp_path: Path) -> Path:
     return write_real_bundle(tmp_path / "bundle")
 
 
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs the optional file /proc")
 def test_a_process_decides_soon_after_it_starts(
     bundle: Path, record_property: Callable[[str, object], None]
 ) -> None:
@@ -123,9 +127,7 @@ def test_a_library_of_another_machine_is_refused_though_its_hashes_are_right(bun
 
 
 def test_a_kernel_with_another_constant_fails_its_golden_vectors(bundle: Path) -> None:
-    """The region's end 1.5 m, found in the library's tables and moved to 1.25 m."""
-    import struct
-
+    """An end of the operating region, found in the library's tables and moved."""
     old, new = struct.pack("<d", 0.6), struct.pack("<d", 0.35)
     assert old in real_files()[LIBRARY_FILE]
     with pytest.raises(InputError, match="golden vector"):
@@ -137,7 +139,8 @@ def test_building_twice_gives_the_same_bytes_and_replaces_only_bundles(tmp_path:
     folder = build_bundle(spec, tmp_path / "deep" / "bundle")
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == real_files()
     (folder / LIBRARY_FILE).write_bytes(b"damaged")
-    assert load_bundle(build_bundle(spec, folder)).manifest == real_manifest()
+    build_bundle(spec, folder)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == real_files()
     assert [path.name for path in folder.parent.iterdir()] == ["bundle"]
     other = tmp_path / "papers"
     other.mkdir()

@@ -9,7 +9,6 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ import pytest
 
 pytest.importorskip("casadi", reason="needs the optional package casadi")
 
-from cli_fixture import SHORT, Invoke, changed_vehicle, invoke  # noqa: F401
+from cli_fixture import SHORT, changed_vehicle, invoke
 
 from workbench.cli.analysis_options import SYSTEMS, shown_instants
 from workbench.cli.main import load_command
@@ -47,9 +46,7 @@ def test_the_shown_instants_end_at_the_horizon() -> None:
     assert shown_instants(0.2) == (0.2,)
 
 
-def test_reach_writes_a_tube_that_holds_sampled_runs_of_the_shipped_vehicle(
-    invoke: Invoke, tmp_path: Path
-) -> None:
+def test_reach_writes_a_tube_that_holds_sampled_runs_of_the_shipped_vehicle(tmp_path: Path) -> None:
     target, page = tmp_path / "new" / "tube.csv", tmp_path / "tube.html"
     words = ["--curvature", "-0.01", "0.01", "--csv", target, "--plot", page, "--json"]
     found = invoke("reach", *words)
@@ -69,7 +66,7 @@ def test_reach_writes_a_tube_that_holds_sampled_runs_of_the_shipped_vehicle(
     assert "Reach tube of GEM e2" in page.read_text(encoding="utf-8")
 
 
-def test_parts_never_widen_the_tube(invoke: Invoke) -> None:
+def test_parts_never_widen_the_tube() -> None:
     words = ("reach", "--system", "b1", "--horizon", "1", "--step", "0.05", "--json")
     whole, split = invoke(*words), invoke(*words, "--parts", "y=2, speed=1")
     wide, narrow = (np.array(each.data["half_widths"][-1]) for each in (whole, split))
@@ -78,7 +75,7 @@ def test_parts_never_widen_the_tube(invoke: Invoke) -> None:
     assert "tube of 2 cells: 100%" in split.err
 
 
-def test_a_tube_that_ends_early_fails_the_claim(invoke: Invoke, tmp_path: Path) -> None:
+def test_a_tube_that_ends_early_fails_the_claim(tmp_path: Path) -> None:
     page = tmp_path / "tube.html"
     found = invoke("reach", "--system", "b1", "--step", "3", "--plot", page, "--json")
     assert found.status == 1
@@ -88,7 +85,7 @@ def test_a_tube_that_ends_early_fails_the_claim(invoke: Invoke, tmp_path: Path) 
     assert "The proof ends early" in page.read_text(encoding="utf-8")
 
 
-def test_derived_bounds_hold_for_sampled_runs(invoke: Invoke, tmp_path: Path) -> None:
+def test_derived_bounds_hold_for_sampled_runs(tmp_path: Path) -> None:
     page = tmp_path / "growth.html"
     found = invoke("derive", *SHORT, "--plot", page, "--json")
     assert found.status == 0
@@ -111,16 +108,14 @@ def test_derived_bounds_hold_for_sampled_runs(invoke: Invoke, tmp_path: Path) ->
     assert (again.system, again.horizon, again.step, again.plot) == ("b1-small", 0.5, 0.05, page)
 
 
-def test_derive_says_when_the_tube_leaves_the_region(
-    invoke: Invoke, changed_vehicle: Callable[..., Path]
-) -> None:
-    file = changed_vehicle("offset_m = [-1.5, 1.5]", "offset_m = [0.09, 0.51]")
+def test_derive_says_when_the_tube_leaves_the_region(tmp_path: Path) -> None:
+    file = changed_vehicle(tmp_path, "offset_m = [-1.5, 1.5]", "offset_m = [0.09, 0.51]")
     found = invoke("derive", "--vehicle", file, "--horizon", "0.5", "--cells", "16")
     assert found.status == 1
     assert "not shown for this initial set: offset may leave [0.09, 0.51] from 0." in found.out
 
 
-def test_learning_depends_on_the_seed_alone(invoke: Invoke) -> None:
+def test_learning_depends_on_the_seed_alone() -> None:
     words = ("learn", *SHORT, "--pairs", "50", "--json", "--seed")
     first, again, other = (invoke(*words, seed).data for seed in (4, 4, 5))
     assert first == again
@@ -129,13 +124,13 @@ def test_learning_depends_on_the_seed_alone(invoke: Invoke) -> None:
     assert first["statement"]["pairs"] == 50
 
 
-def test_epsilon_sets_the_number_of_pairs(invoke: Invoke) -> None:
+def test_epsilon_sets_the_number_of_pairs() -> None:
     found = invoke("learn", *SHORT, "--epsilon", "0.05", "--delta", "1e-3", "--json").data
     assert found["statement"]["pairs"] == pairs_needed(0.05, delta=1e-3, parameters=14)
     assert found["statement"]["epsilon"] <= 0.05
 
 
-def test_a_refuted_bound_leaves_a_witness_that_replays(invoke: Invoke, tmp_path: Path) -> None:
+def test_a_refuted_bound_leaves_a_witness_that_replays(tmp_path: Path) -> None:
     saved, out = tmp_path / "learned.json", tmp_path / "examine"
     learnt = invoke("learn", *SHORT, "--pairs", "20", "--save", saved, "--json").data
     words = ("examine", *SHORT, "--samples", "100", "--rounds", "3", "--out", out, "--json")
@@ -162,7 +157,7 @@ def test_a_refuted_bound_leaves_a_witness_that_replays(invoke: Invoke, tmp_path:
     assert "pass the same --vehicle, --system and --curvature as then" in other.err
 
 
-def test_a_bound_above_a_proved_one_is_implied(invoke: Invoke, tmp_path: Path) -> None:
+def test_a_bound_above_a_proved_one_is_implied(tmp_path: Path) -> None:
     saved, out = tmp_path / "learned.json", tmp_path / "examine"
     invoke("learn", *SHORT, "--pairs", "20", "--save", saved)
     learned = json.loads(saved.read_text())
@@ -178,10 +173,8 @@ def test_a_bound_above_a_proved_one_is_implied(invoke: Invoke, tmp_path: Path) -
     assert "there is nothing to replay" in replayed.err
 
 
-def test_unstable_gains_warn_with_their_poles(
-    invoke: Invoke, changed_vehicle: Callable[..., Path]
-) -> None:
-    file = changed_vehicle("look_ahead_m = 2.0", "look_ahead_m = 0.0")
+def test_unstable_gains_warn_with_their_poles(tmp_path: Path) -> None:
+    file = changed_vehicle(tmp_path, "look_ahead_m = 2.0", "look_ahead_m = 0.0")
     found = invoke("gains", "--quick", "--vehicle", file, "--horizon", "0.2", "--json")
     assert found.status == 0
     assert found.data["stable"] is False
@@ -193,7 +186,7 @@ def test_unstable_gains_warn_with_their_poles(
     assert found.err.count("warning: ") >= 2
 
 
-def test_stable_gains_warn_of_nothing_and_quick_is_the_default(invoke: Invoke) -> None:
+def test_stable_gains_warn_of_nothing_and_quick_is_the_default() -> None:
     found = invoke("gains", "--horizon", "0.2")
     assert found.status == 0
     assert "asymptotically stable" in found.out

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("casadi", reason="needs the optional package casadi")
 
-from cli_fixture import SHORT, Invoke, changed_vehicle, invoke  # noqa: F401
+from cli_fixture import SHORT, changed_vehicle, invoke
 
 BROKEN_FILE = "<broken>"
 WRONG_USE: list[tuple[str, str]] = [
@@ -60,9 +59,7 @@ COMMANDS = ("derive", "learn", "examine --out {tmp}", "reach", "gains")
         ("examine --replay none.json", "none.json: no such file"),
     ],
 )
-def test_wrong_use_is_refused_in_words(
-    line: str, said: str, invoke: Invoke, tmp_path: Path
-) -> None:
+def test_wrong_use_is_refused_in_words(line: str, said: str, tmp_path: Path) -> None:
     broken = tmp_path / "broken.toml"
     broken.write_text("[vehicle\nname = ", encoding="utf-8")
     words = line.replace("{tmp}", str(tmp_path)).replace(BROKEN_FILE, str(broken)).split()
@@ -83,9 +80,9 @@ def test_wrong_use_is_refused_in_words(
     ],
 )
 def test_a_wrong_vehicle_file_is_refused_in_words(
-    old: str, new: str, said: str, invoke: Invoke, changed_vehicle: Callable[..., Path]
+    old: str, new: str, said: str, tmp_path: Path
 ) -> None:
-    file = changed_vehicle(old, new)
+    file = changed_vehicle(tmp_path, old, new)
     for command in ("derive", "gains"):
         found = invoke(command, "--vehicle", file)
         assert found.status == 2
@@ -106,7 +103,7 @@ def test_a_wrong_vehicle_file_is_refused_in_words(
     ],
 )
 def test_a_spoilt_learned_file_is_refused_in_words(
-    change: dict[str, object], said: str, invoke: Invoke, tmp_path: Path
+    change: dict[str, object], said: str, tmp_path: Path
 ) -> None:
     saved = tmp_path / "learned.json"
     invoke("learn", *SHORT, "--pairs", "5", "--save", saved)
