@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from decision_fixture import INVALID, SAFE, STARTS, UNPROVED, Array, Start, kernel, paths, query
+from decision_fixture import INVALID, SAFE, STARTS, UNPROVED, Array, Start, kernel, query
+from decision_paths import paths
 
 
 def _random_queries(count: int) -> list[Array]:
@@ -12,12 +13,18 @@ def _random_queries(count: int) -> list[Array]:
     tables = [path.table for path in paths().values()]
     queries = []
     for _ in range(count):
-        center = chance.uniform([0, -0.8, -0.2, 0, -0.2, -0.5, -0.5], [3, 0.8, 0.2, 3, 0.2, 0.5, 0.5])
+        center = chance.uniform(
+            [0, -0.8, -0.2, 0, -0.2, -0.5, -0.5], [3, 0.8, 0.2, 3, 0.2, 0.5, 0.5]
+        )
         widest = np.array([0.2, 0.2, 0.02, 0.2, 0.05, 0.2, 0.2])
         radius = chance.uniform(0.0, 1.0, 7) * widest * chance.integers(0, 2, 7)
         start = Start(tuple(center), tuple(radius), float(chance.uniform(0.0, 3.0)))
         people = [
-            [*chance.uniform(-5.0, 15.0, 2), *chance.uniform(-2.0, 2.0, 2), *chance.uniform(0, 0.5, 3)]
+            [
+                *chance.uniform(-5.0, 15.0, 2),
+                *chance.uniform(-2.0, 2.0, 2),
+                *chance.uniform(0, 0.5, 3),
+            ]
             for _ in range(chance.integers(0, 4))
         ]
         queries.append(query(tables[chance.integers(len(tables))], start, people))

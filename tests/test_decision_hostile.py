@@ -16,13 +16,12 @@ from decision_fixture import (
     Answer,
     Array,
     Start,
-    arc,
     kernel,
-    paths,
     place,
     query,
     real_manifest,
 )
+from decision_paths import arc, paths
 
 _ASIDE = [6.0, -7.0, 1.4, 0.0, 0.5, 0.3, 0.5]
 

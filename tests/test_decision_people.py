@@ -4,21 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from decision_fixture import (
-    BODY,
-    FINE,
-    INVALID,
-    SAFE,
-    STARTS,
-    STEP_S,
-    UNPROVED,
-    Array,
-    exact_runs,
-    kernel,
-    paths,
-    plane_pose,
-    query,
-)
+from decision_fixture import BODY, INVALID, SAFE, STARTS, STEP_S, UNPROVED, Array, kernel, query
+from decision_paths import FINE, exact_runs, paths, plane_pose
 
 _REQUIRED_M = 0.2
 _SCENES = [("straight", "initial set"), ("left", "rate limit"), ("S", "point")]
@@ -108,5 +95,7 @@ def test_safe_means_at_least_the_required_clearance(required: float) -> None:
     assert 3.0 - BODY[2] - 0.3 - 1e-6 < clearance <= 3.0 - BODY[2] - 0.3
     assert answer.verdict == (SAFE if clearance >= required else UNPROVED)
     exactly = kernel()(query(table, start, [aside], clearance_required_m=[clearance]))
-    above = kernel()(query(table, start, [aside], clearance_required_m=[np.nextafter(clearance, 9)]))
+    above = kernel()(
+        query(table, start, [aside], clearance_required_m=[np.nextafter(clearance, 9)])
+    )
     assert (exactly.verdict, above.verdict) == (SAFE, UNPROVED)

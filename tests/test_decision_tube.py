@@ -1,4 +1,4 @@
-"""No simulated state leaves the compiled tube, whatever the curvature does within the path's bins."""
+"""No simulated state leaves the compiled tube, whatever the curvature does within its bins."""
 
 from __future__ import annotations
 
@@ -9,20 +9,15 @@ from decision_fixture import (
     INVALID,
     LEFT_REGION,
     NO_ENCLOSURE,
-    RANDOM_POINTS,
     SAFE,
     STARTS,
     Answer,
     Array,
     Start,
-    arc,
-    exact_runs,
     kernel,
-    paths,
     query,
-    segments,
-    simulate,
 )
+from decision_paths import RANDOM_POINTS, arc, exact_runs, paths, segments, simulate
 
 # Twenty times the largest excess seen, which is rounding of the simulation.
 _ROUNDING = 1e-13
@@ -73,7 +68,7 @@ def test_runs_with_any_curvature_of_the_bins_stay_in_every_segment(where: str, s
                 chance.uniform(size=station.shape),
             ],
         )
-        return low + share * (high - low)
+        return np.asarray(low + share * (high - low))
 
     fine = simulate(box, states, curvature, steps=answer.steps, held=True)
     assert _excess(answer, fine).max() < _ROUNDING

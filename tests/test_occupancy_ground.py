@@ -1,4 +1,4 @@
-"""The reported rectangles contain the car body at every time, and are not much larger than needed."""
+"""The reported rectangles contain the car body at every time, and are not much larger."""
 
 from __future__ import annotations
 
@@ -6,17 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from decision_fixture import (
-    BODY,
-    STARTS,
-    Start,
+from decision_fixture import BODY, STARTS, Start, kernel, query
+from decision_paths import (
     arc,
     body_points,
     exact_runs,
-    kernel,
     paths,
     plane_pose,
-    query,
     rectangle_excess,
     segments,
     simulate,
@@ -44,7 +40,9 @@ def test_corners_and_edges_stay_in_the_rectangle_of_every_segment(where: str, st
     assert rectangle_excess(rectangles, x, y).max() <= _ROUNDING_M.get(where, 1e-12)
 
 
-@pytest.mark.parametrize("body", [(0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (0.0, 3.0, 0.5), (1.0, 1.0, 9.0)])
+@pytest.mark.parametrize(
+    "body", [(0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (0.0, 3.0, 0.5), (1.0, 1.0, 9.0)]
+)
 def test_bodies_of_every_proportion_stay_inside(body: tuple[float, float, float]) -> None:
     path, start = arc(-0.1), STARTS["initial set"]
     front, rear, half_width = body
@@ -124,7 +122,7 @@ def test_a_valid_rectangle_contains_the_body_for_every_pose_of_the_box(
 
 
 def test_a_station_known_poorly_on_a_bend_is_still_covered() -> None:
-    """Arc and body turn by a radian within the set: the widest rotation the rectangle must cover."""
+    """Arc and body turn by a radian within the set: the widest rotation to be covered."""
     path = arc(0.3, nodes=80)
     start = Start((2.0, 0.2, 0.4, 2.0, 0.0, 0.0, 0.0), (1.5, 0.3, 0.05, 0.2, 0.2, 0.0, 0.0))
     answer = kernel()(query(path.table, start))

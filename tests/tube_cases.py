@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 
 import casadi as ca
@@ -52,7 +53,8 @@ def disturbed(
 
 def dense_times(tube: ReachTube, per_step: int = 10) -> Array:
     """All instants of the tube and `per_step` - 1 times between each two."""
-    parts = [np.linspace(a, b, per_step + 1)[1:] for a, b in zip(tube.times, tube.times[1:])]  # noqa: B905, RUF007
+    segments = itertools.pairwise(tube.times)
+    parts = [np.linspace(start, end, per_step + 1)[1:] for start, end in segments]
     return np.concatenate([tube.times[:1], *parts])
 
 
@@ -71,7 +73,11 @@ def march(
     ode = system.ode
     field = Vectorised(ode.function())
     p = np.array([ode.parameter_values()]) if parameters is None else parameters
-    w = np.array([[[d.nominal for d in ode.disturbances]]]) if disturbances is None else disturbances
+    w = (
+        np.array([[[d.nominal for d in ode.disturbances]]])
+        if disturbances is None
+        else disturbances
+    )
     x, rows = np.array(states, dtype=float).T, [np.array(states, dtype=float)]
     with np.errstate(all="ignore"):
         for k, h in enumerate(np.diff(times)):
@@ -100,7 +106,9 @@ def pressing_states(system: System, initial_set: Box, tube: ReachTube, *, count:
     return np.concatenate([sampled, chosen])
 
 
-def assert_contains(tube: ReachTube, times: Array, runs: Array, allowance: float = REFERENCE_ERROR) -> None:
+def assert_contains(
+    tube: ReachTube, times: Array, runs: Array, allowance: float = REFERENCE_ERROR
+) -> None:
     """Every run lies in the tube at all `times` up to where its proof ends."""
     kept = times <= tube.times[-1] + 1e-12
     assert np.isfinite(runs[:, kept]).all()
@@ -138,16 +146,19 @@ def closed_loops(draw: st.DrawFn, *, limited: bool) -> ClosedLoop:
     wheelbase_m = draw(_between(1.2, 3.0))
     limit = draw(_between(0.1, 0.6)) if limited else None
     reference = draw(_between(1.0, 5.0))
-    return ClosedLoop(PlaneBicycle(wheelbase_m, limit), PathFollowing(steering, speed), Track(reference))
+    return ClosedLoop(
+        PlaneBicycle(wheelbase_m, limit), PathFollowing(steering, speed), Track(reference)
+    )
 
 
 @st.composite
-def vehicle_sets(draw: st.DrawFn) -> Box:
-    """Initial sets of the plane loop, from points to about a quarter of a metre."""
+def vehicle_sets(draw: st.DrawFn, *, points: bool) -> Box:
+    """Initial sets of the plane loop up to 0.25 m; `points` allows axes without width."""
     center = [0.0, *(draw(_between(-r, r)) for r in (0.6, 0.1, 0.0, 0.3, 0.2, 0.2))]
     center[3] = draw(_between(1.0, 4.0))
     largest = (0.25, 0.25, 0.03, 0.25, 0.06, 0.05, 0.05)
-    radius = [draw(st.one_of(st.just(0.0), _between(0.0, r))) for r in largest]
+    widths = [_between(r / 50, r) for r in largest]
+    radius = [draw(st.just(0.0) | width if points else width) for width in widths]
     return Box.around(
         dict(zip(PLANE_STATES, center, strict=True)),
         radius=dict(zip(PLANE_STATES, radius, strict=True)),

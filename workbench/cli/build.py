@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from workbench.cli.common import add_vehicle_option, chosen_vehicle
+from workbench.cli.common import add_vehicle_option, chosen_vehicle, writable_folder
 from workbench.cli.output import emit
 
 HELP = (
@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     from workbench.runtime import load_bundle
 
     spec = MonitorSpec(chosen_vehicle(args), args.horizon, args.step)
-    folder = build_bundle(spec, args.out)
+    folder = build_bundle(spec, writable_folder(args.out))
     manifest = load_bundle(folder).manifest
     size = (folder / "kernel.so").stat().st_size
     text = (

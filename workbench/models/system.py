@@ -11,9 +11,9 @@ from workbench.models.signals import Ranged, Signal
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Ode:
-    """x' = field(x, p, w): the one form that every analysis takes.
+    """x' = field(x, p, w): the one form that every analysis takes. Equal only to itself.
 
     states, parameters, disturbances: the signals, in the order of the entries of the symbol vectors
     `x` (n x 1), `p` (n_p x 1), `w` (n_w x 1). `field` is the n x 1 SX expression in these symbols.

@@ -55,9 +55,7 @@ def _substituted(expression: ca.SX, symbols: list[ca.SX], values: list[ca.SX]) -
     return ca.substitute(expression, ca.vertcat(*symbols), ca.vertcat(*values))
 
 
-def _total(
-    expression: ca.SX, z: ca.SX, tangents: list[ca.SX], chain: list[ca.SX]
-) -> ca.SX:
+def _total(expression: ca.SX, z: ca.SX, tangents: list[ca.SX], chain: list[ca.SX]) -> ca.SX:
     """d expression / dz with dT_k = chain_k dz."""
     result = ca.jacobian(expression, z)
     for tangent, row in zip(tangents, chain, strict=True):

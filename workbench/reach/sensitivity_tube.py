@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import final
@@ -47,11 +48,18 @@ class SensitivityTube:
     def tube(self, system: System, *, initial_set: Box, horizon_s: float) -> ReachTube:
         """Run over [0, horizon_s] from `initial_set` (axes = state names)."""
         original = system.ode
-        ode = with_ranged_parameters_as_states(original)
+        ode, steps, truncation = _prepared(original)
         start = _initial_box(original, ode, initial_set)
-        steps = step_functions(ode)
-        run = _Run(ode, steps, truncation_function(steps), start, horizon_s, self.step_s)
+        run = _Run(ode, steps, truncation, start, horizon_s, self.step_s)
         return run.tube(len(original.states))
+
+
+@functools.lru_cache(maxsize=16)
+def _prepared(original: Ode) -> tuple[Ode, StepFunctions, ca.Function]:
+    """What depends on the system alone; building it takes longer than a tube."""
+    ode = with_ranged_parameters_as_states(original)
+    steps = step_functions(ode)
+    return ode, steps, truncation_function(steps)
 
 
 def _initial_box(original: Ode, ode: Ode, initial_set: Box) -> Box:
@@ -182,7 +190,8 @@ class _Run:
     def _record(self, x_end: Array, box: dict[str, Array], chord: Array) -> None:
         self.x = x_end
         radius = np.abs(self.generators).sum(axis=1)
-        lower, upper = self.x - radius, self.x + radius
+        lower = np.maximum(self.x - radius, box["box_lower"])
+        upper = np.minimum(self.x + radius, box["box_upper"])
         segment_lower = np.minimum(self.lower_at[-1], lower) - chord
         segment_upper = np.maximum(self.upper_at[-1], upper) + chord
         self.lower.append(np.maximum(segment_lower, box["box_lower"]))

@@ -158,7 +158,9 @@ def _advance(form: SmoothForm, relaxed: RelaxedForm, s: StepSymbols) -> ca.Funct
     plain = ca.Function("g", inputs, [relaxed.field])
     others = [s.p, s.w_mid, s.slope, s.offset, ca.SX.zeros(relaxed.error.numel())]
     # The Runge-Kutta step of the variational equations: each stage's k with its derivatives.
-    k, by_x, by_v = [], [], []
+    k: list[ca.SX] = []
+    by_x: list[ca.SX] = []
+    by_v: list[ca.SX] = []
     for share in (0.0, 0.5, 0.5, 1.0):
         ahead = share * s.h
         f, a, b = stage(s.x + ahead * k[-1] if k else s.x, *others)

@@ -1,0 +1,107 @@
+"""`build`, `replay` and `demo` leave whole results that open anywhere."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("matplotlib", reason="needs the optional package matplotlib")
+
+from decision_fixture import real_files, write_real_bundle
+from recordings_fixture import write_recordings
+
+from workbench.cli import demo
+from workbench.cli.main import main
+from workbench.runtime import load_bundle
+
+_QUICK = ["--horizon", "3", "--step", "0.05"]
+_MOST_BYTES = 5_000_000
+
+
+@pytest.fixture
+def recordings(tmp_path: Path) -> Path:
+    return write_recordings(tmp_path / "recordings")
+
+
+def _is_offline_report(path: Path) -> None:
+    html = path.read_text()
+    assert path.stat().st_size < _MOST_BYTES
+    assert "<svg" in html or "data:image" in html
+    for fetching in ('src="http', "src='http", 'href="http', "@import", "url(http"):
+        assert fetching not in html
+
+
+def _names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def test_build_leaves_a_bundle_that_loads(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "bundle"
+    assert main(["build", *_QUICK, "--out", str(out), "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert (data["folder"], data["steps"], data["rigor"]) == (str(out), 60, "NUMERICAL")
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == real_files()
+    assert _names(tmp_path) == {"bundle"}
+    assert load_bundle(out).manifest.name == "GEM e2"
+
+
+def test_replay_writes_log_and_report_and_one_summary_line(
+    recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bundle, out = write_real_bundle(tmp_path / "bundle"), tmp_path / "out"
+    words = ["replay", recordings, "--recording", "peopled", "--bundle", bundle, "--out", out]
+    assert main([str(word) for word in words]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("peopled: 31 queries (")
+    for figure in ("braked", "smallest separation", "(p1 at", "median", "p99", "open-loop"):
+        assert figure in lines[0]
+    assert lines[-1].endswith(f"report {out / 'report.html'}")
+    assert _names(out) == {"replay.jsonl", "report.html"}
+    _is_offline_report(out / "report.html")
+    logged = [json.loads(line) for line in (out / "replay.jsonl").read_text().splitlines()]
+    assert len(logged) == 32
+    assert [entry["t_s"] for entry in logged[1:]] == sorted(entry["t_s"] for entry in logged[1:])
+    assert {entry["rigor"] for entry in logged[1:]} == {"NUMERICAL"}
+
+
+def test_replay_without_people_or_bundle_builds_one_and_says_so(
+    recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    words = [
+        "replay",
+        str(recordings),
+        "--recording",
+        "empty",
+        *_QUICK,
+        "--out",
+        str(out),
+        "--json",
+    ]
+    assert main(words) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert (data["recording"], data["queries"]) == ("empty", 31)
+    assert data["smallest_separation_m"] is None
+    assert data["verdicts"]["INVALID"] == 0
+    assert sum(data["verdicts"].values()) == 31
+    assert data["report"] == str(out / "report.html")
+    assert "no people" in (out / "report.html").read_text()
+
+
+def test_demo_runs_the_whole_chain(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(demo, "_PAIRS", 60)
+    monkeypatch.setattr(demo, "_SAMPLES", 200)
+    out = tmp_path / "demo"
+    assert main(["demo", "--out", str(out)]) == 0
+    shown = capsys.readouterr()
+    assert shown.out.splitlines()[-1] == f"report: {out / 'report.html'}"
+    assert "demo: 100%" in shown.err
+    assert _names(out) == {"bundle", "report.html"}
+    _is_offline_report(out / "report.html")
+    load_bundle(out / "bundle")
