@@ -1,8 +1,8 @@
 """First and second derivatives of a relaxed field, with every tangent differentiated to itself.
 
-CasADi writes tan' as 1/cos^2, which brings a cosine and a sine of its own into every bound. Here each
-tan(a) becomes a symbol T with dT = (1 + T^2) da, so derivatives are polynomials in T and one tangent
-serves the field and all of them: cheaper, and tighter as a range.
+CasADi writes tan' as 1/cos^2, which brings a cosine and a sine of its own into every bound. Here
+each tan(a) becomes a symbol T with dT = (1 + T^2) da, so derivatives are polynomials in T and one
+tangent serves the field and all of them: cheaper, and tighter as a range.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from workbench.sensitivity.kinks import RelaxedForm, SmoothForm
 @final
 @dataclass(frozen=True, slots=True)
 class Derivatives:
-    """Of g(x, v) with v = (w, kink errors): dg/dx (n x n), dg/dv (n x n_v), and for each i the upper
+    """Of g(x, v) with v = (w, kink errors): dg/dx (n x n), dg/dv (n x n_v), and for each i the
+    upper
     triangle of D^2 g_i over (x, v)."""
 
     jacobian: ca.SX

@@ -65,55 +65,77 @@ class StepTerms:
     ok: ca.SX
 
 
-def grown(majorants: Magnitudes, start: ca.SX, h: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """A bound of exp(M tau) start for tau in [0, h], and whether it verified itself.
+@final
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """Bounds of exp(M tau) a for tau in [0, h].
 
-    If v >= start + h M v then every solution of v' <= M v from `start` stays below v (Picard).
-    Tried:
-    the series to order 4 with a tenth of its terms from order 2 on added, which verifies as soon as
-    1.1 (h M)^5 start <= 0.1 (h M)^2 start.
+    If v >= a + h M v then every solution of v' <= M v from a stays below v (Picard). With a vector
+    margin >= 1 for which h M margin <= margin / 2, the series to order 4 plus
+    2 max_i ((h M)^5 a)_i margin is such a v. ok is 1.0 where the margin verified itself.
     """
-    term, v = start, start
-    for order in range(1, 5):
-        term = h * (majorants.jacobian @ term)
-        v = v + (term if order == 1 else 1.1 * term)
-    defect = v - start - h * (majorants.jacobian @ v)
-    ok = ca.SX(1)
-    for i in range(defect.numel()):
-        ok = ok * (defect[i] >= 0)
-    return v, ok
+
+    matrix: ca.SX
+    margin: ca.SX
+    ok: ca.SX
+
+    @classmethod
+    def over(cls, jacobian: ca.SX, h: ca.SX) -> Growth:
+        """For M = jacobian over a step of h (s); margin: the first terms of sum (2 h M)^i 1."""
+        matrix = h * jacobian
+        ones = ca.SX.ones(jacobian.shape[0])
+        margin = ones
+        for _ in range(4):
+            margin = ones + 2.2 * (matrix @ margin)
+        slack = margin / 2 - matrix @ margin
+        ok = ca.SX(1)
+        for i in range(slack.numel()):
+            ok = ok * (slack[i] >= 0)
+        return cls(matrix, margin, ok)
+
+    def __call__(self, start: ca.SX) -> ca.SX:
+        """E(start) >= exp(M tau) start, for start >= 0."""
+        term, v = start, start
+        for _ in range(4):
+            term = self.matrix @ term
+            v = v + term
+        rest = self.matrix @ term
+        largest = rest[0]
+        for i in range(1, rest.numel()):
+            largest = ca.fmax(largest, rest[i])
+        return v + 2 * largest * self.margin
 
 
 def step_terms(m: Magnitudes, r: ca.SX, r_end: ca.SX, v_rad: ca.SX, h: ca.SX) -> StepTerms:
     """Remainder, chord deviation and radius over one step.
 
     r, r_end (n): radius of the set at t_k and of its linear image at t_k+1; v_rad (n_v): radii of
-    the exogenous inputs; h: s. Formulas, with E(a) >= exp(M tau) a from `grown`:
-      coarse radius   w0 = E(r + h B v)
-      linear radius   max(r, r_end) + h^2/8 (|D^2 g|[x', w0] + M M w0)   (chord of y'' = (A' + A A)
-      y) rho(w) = 1/2 |D^2 g|[(w, v), (w, v)]
-      tight radius    w = linear + h E(B v) + h E(rho(w0))
-      remainder       zeta = h mean(rho(w)) + h^2/2 M E(rho(w)); w stays below the straight line
-      from
-                      r to r_end plus a constant, and mean(a_j a_l) = mid_j mid_l + dif_j dif_l / 3
-      chord           h^2/8 M |x'| + h/2 B v
-      held inputs     a disturbance that varies within the step differs from its mean's effect by at
-                      most h^2/4 E(M B v + |D^2 g|[x', v])
+    the exogenous inputs; h: s. Formulas, with E from `Growth`:
+
+    coarse radius: w0 = E(r + h B v)
+    second order: rho(w) = 1/2 |D^2 g|[(w, v), (w, v)]
+    linear radius: max(r, r_end) + h^2/8 (|D^2 g|[x', w0] + M M w0), the chord of y'' = (A' + A A) y
+    tight radius: w = linear radius + h E(B v) + h E(rho(w0))
+    remainder: h mean(rho(w)) + h^2/2 M E(rho(w)), where w stays below the straight line from r to
+    r_end plus a constant, and mean(a_j a_l) = mid_j mid_l + dif_j dif_l / 3
+    chord: h^2/8 M |x'| + h/2 B v
+    held inputs: a disturbance that varies within the step differs from its mean's effect by at most
+    h^2/4 E(M B v + |D^2 g|[x', v])
     """
     n = r.numel()
     b = m.by_exogenous @ v_rad
-    coarse, ok = grown(m, r + h * b, h)
-    exogenous, ok_b = grown(m, b, h)
+    grown = Growth.over(m.jacobian, h)
+    coarse = grown(r + h * b)
+    exogenous = grown(b) if v_rad.numel() else ca.SX.zeros(n)
     held = ca.SX.zeros(n)
     speed = ca.vertcat(m.field, ca.SX.zeros(v_rad.numel()))
     if v_rad.numel():
         only_v = ca.vertcat(ca.SX.zeros(n), v_rad)
-        variation, ok_q = grown(m, m.jacobian @ b + m.curvature(speed, only_v), h)
-        held, ok = h * h / 4 * variation, ok * ok_q
+        held = h * h / 4 * grown(m.jacobian @ b + m.curvature(speed, only_v))
     only_x = ca.vertcat(coarse, ca.SX.zeros(v_rad.numel()))
     bend = m.curvature(speed, only_x) + m.jacobian @ (m.jacobian @ coarse)
     rho = m.curvature(*[ca.vertcat(coarse, v_rad)] * 2) / 2
-    spread, ok_0 = grown(m, rho, h)
+    spread = grown(rho)
     more = h * h / 8 * bend + h * (exogenous + spread)
     radius = ca.fmin(ca.fmax(r, r_end) + more, coarse)
     start, end = (ca.vertcat(side + more, v_rad) for side in (r, r_end))
@@ -126,8 +148,8 @@ def step_terms(m: Magnitudes, r: ca.SX, r_end: ca.SX, v_rad: ca.SX, h: ca.SX) ->
     chord = h * h / 8 * (m.jacobian @ m.field) + h / 2 * b
     cut = r + h * b
     for _ in range(5):
-        cut = h * (m.jacobian @ cut)
-    return StepTerms(zeta + held, chord, radius, cut / 24, ok * ok_b * ok_0)
+        cut = grown.matrix @ cut
+    return StepTerms(zeta + held, chord, radius, cut / 24, grown.ok)
 
 
 def _largest_share(part: ca.SX, whole: ca.SX) -> ca.SX:

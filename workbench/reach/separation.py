@@ -66,9 +66,8 @@ class PathGround:
         last = math.floor((max(upper["station"], station) - path.start_m) / path.spacing_m)
         if first < 0 or last >= len(path.x):
             raise InputError(
-                f"the tube reaches stations {lower['station']:.2f} to {upper['station']:.2f} m, the "
-                "path "
-                f"table covers {path.start_m:.2f} to {path.end_m:.2f} m; extend the path"
+                f"the tube reaches stations {lower['station']:.2f} to {upper['station']:.2f} m, "
+                f"the table covers {path.start_m:.2f} to {path.end_m:.2f} m; extend the path"
             )
         bins = slice(first, min(last, len(path.x) - 2) + 1)
         names = ("station", "offset", "heading_error")

@@ -1,0 +1,165 @@
+"""The bench counts every escape, measures widths as stated, and its command reports both."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from workbench.bench import (
+    SamplePlan,
+    bench_loops,
+    bounds_at,
+    cold_start,
+    escaping,
+    kernel_time,
+    sampled_runs,
+)
+from workbench.bench.scoreboard import Loop
+from workbench.bench.tightness import MethodScore, Samples
+from workbench.claims import Rigor
+from workbench.cli.main import main
+from workbench.errors import InputError
+from workbench.models.benchmarks import b1_small, b2_noise
+from workbench.reach import ReachTube, TubeStatus
+
+PLAN = SamplePlan(count=2000, horizon_s=0.5, step_s=0.0125, seed=1)
+
+
+def tube_of(half_width: float, segment_more: float, *, steps: int = 2) -> ReachTube:
+    """[-half_width, half_width] at instants 0.05 k s, `segment_more` wider between them."""
+    at, between = (
+        np.full((steps + 1, 1), half_width),
+        np.full((steps, 1), half_width + segment_more),
+    )
+    times = 0.05 * np.arange(steps + 1)
+    return ReachTube(
+        times, -between, between, -at, at, ("x",), TubeStatus.COMPLETE, Rigor.NUMERICAL
+    )
+
+
+def test_bounds_are_those_of_instants_and_segments() -> None:
+    lower, upper = bounds_at(tube_of(1.0, 0.5), np.array([0.0, 0.02, 0.05, 0.07, 0.1, 0.11]))
+    assert upper.ravel().tolist() == [1.0, 1.5, 1.0, 1.5, 1.0, np.inf]
+    assert np.array_equal(lower, -upper)
+
+
+@pytest.mark.parametrize(
+    ("value", "when", "outside"),
+    [
+        (1.2, 0.02, False),
+        (1.2, 0.05, True),
+        (-1.6, 0.02, True),
+        (np.nan, 0.07, True),
+        (9.0, 0.2, False),
+    ],
+)
+def test_an_escape_at_one_time_is_found(value: float, when: float, outside: bool) -> None:
+    times = np.array([0.0, when])
+    runs = np.array([[[0.0], [value]]])
+    assert escaping(tube_of(1.0, 0.5), times, runs, allowance=1e-9).any() == outside
+
+
+def test_scores_are_the_stated_means() -> None:
+    times = np.linspace(0.0, 0.1, 9)
+    samples = Samples(times, (tube_of(1.0, 0.5), tube_of(0.3, 0.0)))
+    samples.add(np.array([0.5 * np.ones(9), -0.5 * np.ones(9)])[:, :, None])
+    samples.add(np.array([0.25 * np.ones(9)])[:, :, None])
+    wide, narrow = samples.score(0, 0.1), samples.score(1, 0.1)
+    assert wide.width_ratio == {"x": pytest.approx(2.0)}
+    assert wide.excess_mean == wide.excess_worst == {"x": pytest.approx(1.0)}
+    assert (wide.escapes, wide.trajectories, wide.times_checked) == (0, 3, 8)
+    assert wide.final_radius == {"x": 1.0}
+    assert wide.final_sampled_radius == {"x": 0.5}
+    assert narrow.escapes == 2
+    assert narrow.excess_mean == {"x": pytest.approx(-0.2)}
+    longer = samples.score(0, 3.0)
+    assert not longer.covered
+    assert longer.width_ratio == wide.width_ratio
+
+
+def test_samples_hold_vertices_and_extremes_and_follow_the_seed() -> None:
+    loop = b1_small()
+    runs = np.concatenate(list(sampled_runs(loop, PLAN)))
+    assert runs.shape == (2000, 41, 7)
+    starts = {tuple(row) for row in runs[:, 0]}
+    assert set(loop.initial_set.vertices()) <= starts
+    again = np.concatenate(list(sampled_runs(loop, PLAN)))
+    assert np.array_equal(runs, again)
+    uniform = runs[-500:]
+    assert np.all(runs.max(axis=0) >= uniform.max(axis=0))
+
+
+def test_sampled_disturbances_switch_but_runs_stay_continuous() -> None:
+    noisy, quiet = (
+        np.concatenate(list(sampled_runs(loop, PLAN))) for loop in (b2_noise(), b1_small())
+    )
+    jumps = [np.abs(np.diff(runs[:, :, 3], axis=1)).max() for runs in (noisy, quiet)]
+    assert max(jumps) < 0.05
+    slopes = np.diff(noisy[:, :, 3], axis=1) / PLAN.step_s
+    assert np.abs(np.diff(slopes, axis=1)).max() > 0.1
+
+
+def test_wrong_use_is_answered() -> None:
+    with pytest.raises(InputError, match="no benchmark loop 'B9'; expected one of B1, B1-small"):
+        bench_loops(("B9",))
+    with pytest.raises(InputError, match="at least 1000 trajectories"):
+        SamplePlan(count=10, horizon_s=3.0, step_s=0.0125, seed=1)
+    assert main(["bench", "--only", "B9"]) == 2
+
+
+def test_kernel_times_are_counted() -> None:
+    measured = kernel_time(b1_small())
+    assert 0.5 < measured.trajectory_us < measured.tube_us < 1e5
+    assert measured.ratio > 1.0
+    if shutil.which("valgrind") is None:
+        assert measured.instruction_ratio is None
+        pytest.skip("needs the optional tool valgrind")
+    assert measured.tube_instructions is not None
+    assert measured.trajectory_instructions is not None
+    assert measured.trajectory_instructions > 60 * 4 * 40
+    assert measured.instruction_ratio == pytest.approx(
+        measured.tube_instructions / measured.trajectory_instructions
+    )
+
+
+def test_a_folder_without_a_bundle_has_no_cold_start(tmp_path) -> None:
+    with pytest.raises(InputError, match="expected a bundle that decides"):
+        cold_start(tmp_path)
+
+
+def test_the_command_reports_everything(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "--quick", "--only", "B1-small", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["escapes"] == 0
+    assert found["trajectories"] == 20_000
+    desk, compiled = found["tightness"]["B1-small"]
+    for method in (desk, compiled):
+        assert method["rigor"] in Rigor.__members__
+        three = method["horizons"][0]
+        assert three["horizon_s"] == 3.0
+        assert three["trajectories"] == 20_000
+        for name in ("x", "y", "steering", "heading"):
+            assert 1.0 <= three["width_ratio"][name] <= 1.1
+            assert 0.0 <= three["excess_mean"][name] <= three["excess_worst"][name]
+    assert found["times"][0]["ratio"] > 1.0
+    assert found["cold_start"]["process_s"] < 5.0
+    assert found["cold_start"]["verdict"] == "SAFE"
+
+
+def test_an_escape_makes_the_command_fail(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def one_escape(_loop: Loop, _plan: SamplePlan, *, advance: object) -> tuple[MethodScore, ...]:
+        samples = Samples(np.linspace(0.0, 3.0, 241), (tube_of(1.0, 0.0, steps=60),) * 2)
+        runs = np.zeros((1, 241, 1))
+        runs[0, 100] = 2.0
+        samples.add(runs)
+        score = samples.score(0, 3.0)
+        return (MethodScore("desk", 0.05, "NUMERICAL", "COMPLETE", 3.0, 0.0, (score,)),)
+
+    monkeypatch.setattr("workbench.bench.score_loop", one_escape)
+    assert main(["bench", "--quick", "--only", "B1", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["escapes"] == 1
