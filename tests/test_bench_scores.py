@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from workbench.bench import (
+    ColdStart,
+    KernelTime,
     SamplePlan,
     bench_loops,
     bounds_at,
@@ -22,22 +24,24 @@ from workbench.bench.tightness import MethodScore, Samples
 from workbench.claims import Rigor
 from workbench.cli.main import main
 from workbench.errors import InputError
-from workbench.models.benchmarks import b1_small, b2_noise
+from workbench.models.benchmarks import PLANE_STATES, b1_small, b2_noise
 from workbench.reach import ReachTube, TubeStatus
 
 PLAN = SamplePlan(count=2000, horizon_s=0.5, step_s=0.0125, seed=1)
 
 
-def tube_of(half_width: float, segment_more: float, *, steps: int = 2) -> ReachTube:
+def tube_of(
+    half_width: float,
+    segment_more: float,
+    *,
+    steps: int = 2,
+    names: tuple[str, ...] = ("x",),
+) -> ReachTube:
     """[-half_width, half_width] at instants 0.05 k s, `segment_more` wider between them."""
-    at, between = (
-        np.full((steps + 1, 1), half_width),
-        np.full((steps, 1), half_width + segment_more),
-    )
+    at = np.full((steps + 1, len(names)), half_width)
+    between = np.full((steps, len(names)), half_width + segment_more)
     times = 0.05 * np.arange(steps + 1)
-    return ReachTube(
-        times, -between, between, -at, at, ("x",), TubeStatus.COMPLETE, Rigor.NUMERICAL
-    )
+    return ReachTube(times, -between, between, -at, at, names, TubeStatus.COMPLETE, Rigor.NUMERICAL)
 
 
 def test_bounds_are_those_of_instants_and_segments() -> None:
@@ -130,17 +134,20 @@ def test_a_folder_without_a_bundle_has_no_cold_start(tmp_path) -> None:
         cold_start(tmp_path)
 
 
-def test_the_command_reports_everything(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_reports_everything(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("workbench.cli.bench._TRAJECTORIES_QUICK", 3000)
     assert main(["bench", "--quick", "--only", "B1-small", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["escapes"] == 0
-    assert found["trajectories"] == 20_000
+    assert found["trajectories"] == 3000
     desk, compiled = found["tightness"]["B1-small"]
     for method in (desk, compiled):
         assert method["rigor"] in Rigor.__members__
         three = method["horizons"][0]
         assert three["horizon_s"] == 3.0
-        assert three["trajectories"] == 20_000
+        assert three["trajectories"] == 3000
         for name in ("x", "y", "steering", "heading"):
             assert 1.0 <= three["width_ratio"][name] <= 1.1
             assert 0.0 <= three["excess_mean"][name] <= three["excess_worst"][name]
@@ -153,13 +160,22 @@ def test_an_escape_makes_the_command_fail(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def one_escape(_loop: Loop, _plan: SamplePlan, *, advance: object) -> tuple[MethodScore, ...]:
-        samples = Samples(np.linspace(0.0, 3.0, 241), (tube_of(1.0, 0.0, steps=60),) * 2)
-        runs = np.zeros((1, 241, 1))
+        tube = tube_of(1.0, 0.0, steps=60, names=PLANE_STATES)
+        samples = Samples(np.linspace(0.0, 3.0, 241), (tube,))
+        runs = np.zeros((1, 241, 7))
         runs[0, 100] = 2.0
         samples.add(runs)
         score = samples.score(0, 3.0)
         return (MethodScore("desk", 0.05, "NUMERICAL", "COMPLETE", 3.0, 0.0, (score,)),)
 
+    time = KernelTime("B1", 60, 200, 60.0, 5.0, 12.0, None, None)
+    start = ColdStart(1, 0.1, 0.05, 0.01, 0.001, 20.0, "SAFE", "")
     monkeypatch.setattr("workbench.bench.score_loop", one_escape)
+    monkeypatch.setattr("workbench.bench.kernel_time", lambda _: time)
+    monkeypatch.setattr("workbench.cli.bench._cold_start", lambda _: start)
     assert main(["bench", "--quick", "--only", "B1", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["escapes"] == 1
+    assert main(["bench", "--quick", "--only", "B1"]) == 1
+    text = capsys.readouterr().out
+    assert "escapes: 1 in all" in text
+    assert "valgrind is missing" in text

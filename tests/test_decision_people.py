@@ -92,10 +92,24 @@ def test_safe_means_at_least_the_required_clearance(required: float) -> None:
     answer = kernel()(query(table, start, [aside], clearance_required_m=[required]))
     clearance = answer.scalar("clearance_m")
     # Standing still beside a straight road: 3 m less half the car's width and the radius.
-    assert 3.0 - BODY[2] - 0.3 - 1e-6 < clearance <= 3.0 - BODY[2] - 0.3
+    assert 3.0 - BODY[2] - 0.3 - 3e-5 < clearance <= 3.0 - BODY[2] - 0.3
     assert answer.verdict == (SAFE if clearance >= required else UNPROVED)
     exactly = kernel()(query(table, start, [aside], clearance_required_m=[clearance]))
     above = kernel()(
         query(table, start, [aside], clearance_required_m=[np.nextafter(clearance, 9)])
     )
     assert (exactly.verdict, above.verdict) == (SAFE, UNPROVED)
+
+
+@pytest.mark.parametrize(("growth", "growth2"), [(0.0, 0.0), (0.2, 0.1)])
+def test_somebody_who_closes_in_beside_the_car_is_judged_at_the_horizon(
+    growth: float, growth2: float
+) -> None:
+    """Walking at the car's own speed towards its side: the gap after 3 s in closed form."""
+    beside = [0.9, 5.0, 2.8, -0.5, 0.3, growth, growth2]
+    answer = kernel()(query(paths()["straight"].table, STARTS["point"], [beside]))
+    gap = 5.0 - 0.5 * 3.0 - BODY[2] - 0.3 - growth * 3.0 - growth2 / 2 * 9.0
+    # The person is taken to be anywhere within half a step's way from the middle of the step.
+    half_step_m = 0.5 * STEP_S * float(np.hypot(2.8, 0.5))
+    assert gap - half_step_m < answer.scalar("clearance_m") <= gap + 1e-9
+    assert answer.scalar("clearance_time_s") == pytest.approx(3.0 - STEP_S)

@@ -293,6 +293,17 @@ def test_overflow_ends_the_proof(interval: tuple[float, float]) -> None:
     assert len(tube.lower) == 0
 
 
+@pytest.mark.parametrize("size", [1e140, 1e153, 1e155, 1e157, 1e158, 1e160])
+def test_an_overflowing_remainder_is_never_dropped(size: float) -> None:
+    """x is large enough for squares of its radius to overflow, and hardly acts on y."""
+    system = system_of(lambda x, y: [0 * x + 1e-170 * x * x, y * y + 1e-320 * x * x], "x", "y")
+    tube = tube_of(system, box(x=(-size, size), y=(0.5, 1.5)), 0.1, 0.1)
+    times = dense_times(tube)
+    y0 = np.linspace(0.5, 1.5, 11)[:, None]
+    runs = np.stack([np.zeros((11, len(times))), y0 / (1 - y0 * times)], axis=2)
+    assert_contains(tube, times, runs)
+
+
 def test_sets_that_are_no_sets_are_refused() -> None:
     system = system_of(lambda x: [-x], "x")
     for bad in ((float("nan"), 1.0), (0.0, float("inf")), (1.0, 0.0)):

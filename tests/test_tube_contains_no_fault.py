@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
 import pytest
-from tube_cases import Array, box, dense_times, disturbed, escapes, march, pressing_states
+from tube_cases import (
+    Array,
+    box,
+    dense_times,
+    disturbed,
+    escapes,
+    march,
+    pressing_states,
+    system_of,
+)
 
 from workbench.bench.scoreboard import wide_region
 from workbench.codegen import c_source
@@ -22,10 +32,16 @@ Fault = Callable[[str, Outputs], None]
 
 
 def _swinging() -> Benchmark:
-    """A pushed oscillator: its turning points lie between instants, its input switches within steps."""
+    """A pushed oscillator: it turns between instants, and its input switches within steps."""
     push = (Ranged.symmetric("push", "", 0.3),)
     system = disturbed(lambda x, _p, w: [4 * x[1], -4 * x[0] + w], ("x", "y"), disturbances=push)
     return Benchmark("swinging", system, box(x=(0.9, 1.0), y=(0.0, 0.05)))
+
+
+def _limited() -> Benchmark:
+    """A decay that is at its limit all the time."""
+    system = system_of(lambda x: [-ca.fmin(ca.fmax(x, -0.2), 0.2)], "x")
+    return Benchmark("limited", system, box(x=(0.9, 1.1)))
 
 
 def scale(function: str, output: str, factor: float) -> Fault:
@@ -57,19 +73,28 @@ FAULTS: dict[str, tuple[Callable[[], Benchmark], Fault]] = {
     "no chord deviation": (_swinging, scale("wb_remainder", "chord", 0.0)),
     "no disturbance": (_swinging, scale("wb_advance", "by_exogenous", 0.0)),
     "no kink error": (b2, scale("wb_relaxation", "gap_i", 0.0)),
-    "half the kink's offset": (b2, scale("wb_relaxation", "offset_i", 0.5)),
+    "half the kink's offset": (_limited, scale("wb_relaxation", "offset_i", 0.5)),
 }
 
 
-def desk_tube(loop: Benchmark, horizon_s: float) -> ReachTube:
+HORIZON_S = 1.5
+
+
+def desk_tube(loop: Benchmark) -> ReachTube:
     method = SensitivityTube(0.05)
-    return method.tube(loop.system, initial_set=loop.initial_set, horizon_s=horizon_s)
+    return method.tube(loop.system, initial_set=loop.initial_set, horizon_s=HORIZON_S)
+
+
+@functools.cache
+def leaves_the_desk_tube(make: Callable[[], Benchmark]) -> int:
+    loop = make()
+    return leaving(loop, desk_tube(loop))
 
 
 def leaving(loop: Benchmark, tube: ReachTube) -> int:
     """Escapes of pressing states, under disturbances that follow the oscillation, if any."""
     times = dense_times(tube)
-    states = pressing_states(loop.system, loop.initial_set, tube, count=2000)
+    states = pressing_states(loop.system, loop.initial_set, tube, count=800)
     ranges = loop.system.ode.disturbances
     if not ranges:
         return escapes(tube, times, march(loop.system, states, times))
@@ -91,26 +116,25 @@ def test_a_fault_in_the_desk_tube_is_noticed(name: str, monkeypatch: pytest.Monk
         fault(function.name(), outputs)
         return outputs
 
-    assert leaving(loop, desk_tube(loop, 1.5)) == 0
+    assert leaves_the_desk_tube(make) == 0
     monkeypatch.setattr(sensitivity_tube, "_call", faulty)
-    assert leaving(loop, desk_tube(loop, 1.5)) > 0
+    assert leaving(loop, desk_tube(loop)) > 0
 
 
 # Text of the hand-written loop and what stands there instead.
 SLIPS: dict[str, tuple[Callable[[], Benchmark], str, str]] = {
     "no remainder": (b1, "added = box[i] + cut_x[i]", "added = cut_x[i]"),
-    "no chord deviation": (_swinging, "- s->chord[i]", "- 0.0"),
+    "no chord deviation": (_swinging, "s->chord[i];", "0.0;"),
     "no disturbance": (_swinging, "radius > 0.0", "radius > 1e9"),
     "no kink error": (b2, "s->gap[i] = gap;", "s->gap[i] = 0.0;"),
-    "pending box forgotten": (b1, "r_end[i] = wb_sum_abs(wb_row(s->g, i), s->columns) + pending[i];",
-                              "r_end[i] = wb_sum_abs(wb_row(s->g, i), s->columns);"),
+    "pending box forgotten": (b1, "s->columns) + pending[i];", "s->columns);"),
 }  # fmt: skip
 
 
 def kernel_tube(loop: Benchmark) -> ReachTube:
     sizes = KernelSizes(30, 0.05, 2)
     kernel = CompiledTube(loop.system, region=wide_region(loop), sizes=sizes)
-    return kernel.tube(loop.initial_set, horizon_s=1.5, step_s=0.05)
+    return kernel.tube(loop.initial_set, horizon_s=HORIZON_S, step_s=0.05)
 
 
 @pytest.mark.parametrize("name", SLIPS)

@@ -11,8 +11,9 @@ from workbench.sensitivity.elementary import cos, sin
 from workbench.sensitivity.intervals import SymbolicInterval
 from workbench.sensitivity.validity import Validity, verbatim
 
-# Covers the conversion of the rectangle's centre and heading to single numbers, m.
-_PADDING_M = 1e-9
+# Covers the conversion of the centre and heading to single numbers, and the tolerance of 1e-6 m and
+# 1e-6 rad within which a path table may contradict itself (`runtime.path`), over a few metres, m.
+_PADDING_M = 1e-5
 _MOST_ROTATION_RAD = 1.5
 
 
