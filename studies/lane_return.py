@@ -48,8 +48,8 @@ def check(model: Benchmark, tube: ReachTube) -> str:
     outside = np.any((runs < tube.lower_at) | (runs > tube.upper_at), axis=(1, 2)).sum()
     assert outside == 0, f"{outside} of {RUNS} sampled runs leave the tube"
     return (
-        f"{tube.rigor.name}: the offset stays within {farthest:.3f} m and is at most {at_end:.3f} m "
-        f"after {HORIZON_S:g} s; {RUNS} sampled runs inside"
+        f"{tube.rigor.name}: the offset stays within {farthest:.3f} m and is at most "
+        f"{at_end:.3f} m after {HORIZON_S:g} s; {RUNS} sampled runs inside"
     )
 
 
@@ -65,9 +65,7 @@ def plot(tube: ReachTube, file: Path) -> None:
         panels, (("y", "offset (m)"), ("steering", "steering (rad)")), strict=True
     ):
         column = tube.names.index(name)
-        axes.fill_between(
-            tube.times, tube.lower_at[:, column], tube.upper_at[:, column], alpha=0.4
-        )
+        axes.fill_between(tube.times, tube.lower_at[:, column], tube.upper_at[:, column], alpha=0.4)
         axes.set_ylabel(label)
     panels[0].axhline(FARTHEST_M, color="black", linestyle="--")
     panels[1].set_xlabel("time (s)")

@@ -136,7 +136,7 @@ def test_a_body_of_no_size_and_one_beyond_measure() -> None:
     none = {"front_m": [0.0], "rear_m": [0.0], "half_width_m": [0.0]}
     answer = kernel()(query(table, start, [[5.0, 3.0, 0.0, 0.0, 0.3, 0.0, 0.0]], **none))
     assert answer.verdict == SAFE
-    assert 2.7 - 1e-6 < answer.scalar("clearance_m") <= 2.7
+    assert 2.7 - 3e-5 < answer.scalar("clearance_m") <= 2.7
     huge = kernel()(query(table, start, [_ASIDE], front_m=[1e200]))
     assert huge.verdict != SAFE
 

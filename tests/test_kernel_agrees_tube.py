@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
@@ -143,6 +144,32 @@ def test_a_pushed_cart_reaches_its_exact_extremes() -> None:
     assert np.all(tube.upper_at[:, 0] >= 0.1 + 0.2 * t + t**2 / 2 - 1e-12)
     assert np.all(tube.lower_at[:, 0] <= -0.1 - t**2 / 2 + 1e-12)
     assert np.all(tube.upper_at[:, 0] <= 0.1 + 0.2 * t + 1.05 * t**2 / 2 + 2e-3)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 0, 2), (2, 1, 0)])
+def test_states_with_a_constant_rate(order: tuple[int, ...]) -> None:
+    """Rows without derivatives must not shift the bounds of the others."""
+    push = (Ranged.symmetric("push", "", 0.2),)
+    names = tuple(("a", "b", "c")[i] for i in order)
+
+    def field(x: ca.SX, _p: ca.SX, w: ca.SX) -> list[ca.SX]:
+        a, b, c = (x[order.index(i)] for i in range(3))
+        rows = [4 * ca.sin(2 * b) - c, ca.SX(3), 2 * ca.fmax(a, w) - c * c]
+        return [rows[i] for i in order]
+
+    system = disturbed(field, names, disturbances=push)
+    region = Box(names, (-50.0,) * 3, (50.0,) * 3)
+    start = box(a=(-0.1, 0.1), b=(0.0, 0.1), c=(0.2, 0.4)).reordered(names)
+    kernel = CompiledTube(system, region=region, sizes=KernelSizes(20, 0.05, 2))
+    tube = kernel.tube(start, horizon_s=1.0, step_s=0.05)
+    assert tube.complete
+    times = dense_times(tube)
+    states = sample_initial_states(start, count=500, seed=4)
+    values = switching(len(states), len(times) - 1, push)
+    assert_contains(tube, times, march(system, states, times, disturbances=values))
+    desk = compute_tube(system, initial_set=start, horizon_s=1.0, method=SensitivityTube(0.05))
+    np.testing.assert_allclose(tube.upper, desk.upper, rtol=0.05, atol=0.01)
+    np.testing.assert_allclose(tube.lower, desk.lower, rtol=0.05, atol=0.01)
 
 
 def test_a_tube_ends_where_its_region_ends() -> None:

@@ -14,7 +14,7 @@ from workbench.bench import escaping
 from workbench.controllers import PathFollowing, SpeedPid, SteeringPid, Track
 from workbench.models import ClosedLoop, Ode, PlaneBicycle, Ranged, System, system_from_casadi
 from workbench.models.benchmarks import PLANE_STATES
-from workbench.reach import ReachTube
+from workbench.reach import ReachTube, SensitivityTube, compute_tube
 from workbench.sensitivity.ascent import gradient_states
 from workbench.sensitivity.sampling import sample_initial_states
 from workbench.sensitivity.vectorised import Vectorised
@@ -49,6 +49,18 @@ def disturbed(
     plain = system_from_casadi(x, ca.SX.zeros(len(names)), names)
     rows = ca.vertcat(*field(x, p, w))
     return Ode("disturbed", plain.states, parameters, disturbances, x, p, w, rows)
+
+
+def tube_of(system: Ode, initial_set: Box, horizon_s: float, step_s: float = 0.05) -> ReachTube:
+    method = SensitivityTube(step_s)
+    return compute_tube(system, initial_set=initial_set, horizon_s=horizon_s, method=method)
+
+
+def starts(initial_set: Box, count: int = 9) -> Array:
+    """A grid over the set, end points included."""
+    ends = zip(initial_set.lower, initial_set.upper, strict=True)
+    axes = [np.linspace(low, high, count) for low, high in ends]
+    return np.stack([axis.ravel() for axis in np.meshgrid(*axes)], axis=1)
 
 
 def dense_times(tube: ReachTube, per_step: int = 10) -> Array:

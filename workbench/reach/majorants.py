@@ -10,6 +10,8 @@ from typing import final
 
 import casadi as ca
 
+_LARGEST = 1e300
+
 
 def magnitude(lower: ca.SX, upper: ca.SX) -> ca.SX:
     """Largest absolute value in [lower, upper], elementwise."""
@@ -56,7 +58,7 @@ class StepTerms:
     """box (n): what the set gains as a box; chord (n): deviation of a state from its chord;
     radius (n): |e| over the whole step; cut (n): (h M)^5 (r + h B v) / 24, an estimate (five times
     the first omitted term of a constant M) of what the Runge-Kutta step leaves out of S d0;
-    ok: 1.0 if the a priori bounds verified themselves."""
+    ok: 1.0 if the a priori bounds verified themselves and everything is finite."""
 
     box: ca.SX
     chord: ca.SX
@@ -149,7 +151,9 @@ def step_terms(m: Magnitudes, r: ca.SX, r_end: ca.SX, v_rad: ca.SX, h: ca.SX) ->
     cut = r + h * b
     for _ in range(5):
         cut = grown.matrix @ cut
-    return StepTerms(zeta + held, chord, radius, cut / 24, grown.ok)
+    # Minima and maxima drop a NaN, so what they are fed with must be finite.
+    fed = ca.sum1(coarse + rho + spread + mean + more + zeta + held)
+    return StepTerms(zeta + held, chord, radius, cut / 24, grown.ok * (fed <= _LARGEST))
 
 
 def _largest_share(part: ca.SX, whole: ca.SX) -> ca.SX:

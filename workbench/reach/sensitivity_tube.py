@@ -147,6 +147,10 @@ class _Run:
         )
         if terms["ok"][0] != 1.0 or cut["ok"][0] != 1.0:
             return "the remainder could not be bounded"
+        if not all(
+            np.all(np.isfinite(v)) for v in (*moved.values(), *terms.values(), cut["bound"])
+        ):
+            return "the remainder left the range of numbers"
         by_v = moved["by_exogenous"].reshape(n, len(v_rad)) * v_rad
         added = np.diag(terms["box"] + cut["bound"])
         new = np.hstack([by_v, added])
