@@ -39,8 +39,9 @@ MANY = settings(
     phases=[Phase.explicit, Phase.generate],
     suppress_health_check=[HealthCheck.too_slow],
 )
-# Half widths of the compiled tube over those of the desk tube with the same step.
-NARROWEST, WIDEST = 0.999, 1.05
+# Half widths of the compiled tube over those of the desk tube with the same step. The desk tube
+# bounds the truncation that the compiled one estimates, so the compiled one may be narrower by it.
+NARROWEST, WIDEST = 0.99, 1.05
 
 
 @functools.cache

@@ -59,7 +59,7 @@ def test_with_limits(system: ClosedLoop, start: Box, horizon_s: float, step_s: f
     assert tube.complete, tube.message
 
 
-@FEW
+@settings(FEW, max_examples=2)
 @given(closed_loops(limited=True), vehicle_sets(points=True), st.floats(0.2, 0.8), STEPS_S)
 def test_sets_without_width_in_some_axes(
     system: ClosedLoop, start: Box, horizon_s: float, step_s: float

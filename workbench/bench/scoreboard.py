@@ -22,7 +22,7 @@ SAMPLE_STEP_S = SCORE_STEP_S / 4
 # Limited loops switch between regimes within a step; a short one keeps the undecided share small.
 _DESK_STEP_S = 0.025
 _DESK_STEP_LIMITED_S = 0.01
-_MERGE_STEPS = 2
+_MERGE_STEPS = 1
 # The compiled tube refuses to leave its region; here the region shall not decide.
 _REGION = 100.0
 

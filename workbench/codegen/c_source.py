@@ -76,6 +76,7 @@ def tube_source(
     if steps.relaxations:
         functions.append(steps.enclose)
     functions += extra
+    _require_dense(functions)
     tables = _tables(steps, region, sizes)
     return "\n".join(
         [
@@ -87,6 +88,15 @@ def tube_source(
             c_text("tube.c"),
         ]
     )
+
+
+def _require_dense(functions: Sequence[ca.Function]) -> None:
+    """The C loop reads whole rows; only the two matrices are passed by their nonzeros."""
+    for function in functions:
+        for name in function.name_out():
+            sparsity = function.sparsity_out(name)
+            if name not in ("transition", "by_exogenous") and not sparsity.is_dense():
+                raise InputError(f"{function.name()} packs its output {name!r}; make it dense")
 
 
 def work_macro(functions: Sequence[ca.Function]) -> str:

@@ -110,7 +110,7 @@ def _enclose(form: SmoothForm, s: StepSymbols) -> ca.Function:
     guess = ca.SX.sym("guess_lower", s.x.numel()), ca.SX.sym("guess_upper", s.x.numel())
     return ca.Function(
         "wb_enclose", [s.x, s.r, s.p, s.w_mid, s.w_rad, s.h, *guess],
-        shared(_picard(field, s, guess)),
+        shared([ca.densify(part) for part in _picard(field, s, guess)]),
         ["x", "r", "p", "w_mid", "w_rad", "h", "guess_lower", "guess_upper"],
         ["box_lower", "box_upper", "f_lower", "f_upper", "ok"],
     )  # fmt: skip
@@ -139,7 +139,7 @@ def _bounds(form: SmoothForm, relaxed: RelaxedForm, s: StepSymbols) -> ca.Functi
     return ca.Function(
         "wb_bounds",
         [s.x, s.r, s.p, s.w_mid, s.w_rad, s.slope, s.offset, s.gap, s.h, *guess],
-        shared([*picard, ca.vertcat(*sizes)]),
+        shared([*map(ca.densify, picard), ca.vertcat(*sizes)]),
         ["x", "r", "p", "w_mid", "w_rad", "slope", "offset", "gap", "h", "guess_lower",
          "guess_upper"],
         ["box_lower", "box_upper", "f_lower", "f_upper", "ok", "sizes"],
@@ -172,7 +172,8 @@ def _advance(form: SmoothForm, relaxed: RelaxedForm, s: StepSymbols) -> ca.Funct
     )
     end = s.x + end
     cut = s.h / 6 * ca.fabs(k[3] - plain(end, *others))
-    outputs = [end, ca.SX.eye(s.x.numel()) + transition, by_exogenous, cut]
+    moved = ca.SX.eye(s.x.numel()) + transition
+    outputs = [ca.densify(end), moved, by_exogenous, ca.densify(cut)]
     return ca.Function(
         "wb_advance", [s.x, s.p, s.w_mid, s.slope, s.offset, s.h], shared(outputs),
         ["x", "p", "w_mid", "slope", "offset", "h"],
@@ -195,10 +196,11 @@ def _remainder(form: SmoothForm, relaxed: RelaxedForm, s: StepSymbols) -> ca.Fun
         field=magnitude(f_lower, f_upper),
     )  # fmt: skip
     terms = step_terms(majorants, s.r, r_end, ca.vertcat(s.w_rad, s.gap), s.h)
+    vectors = (terms.box, terms.chord, terms.radius, terms.cut)
     return ca.Function(
         "wb_remainder",
         [s.r, r_end, s.w_rad, s.gap, s.h, f_lower, f_upper, sizes],
-        shared([terms.box, terms.chord, terms.radius, terms.cut, terms.ok]),
+        shared([*map(ca.densify, vectors), terms.ok]),
         ["r", "r_end", "w_rad", "gap", "h", "f_lower", "f_upper", "sizes"],
         ["box", "chord", "radius", "cut", "ok"],
     )  # fmt: skip

@@ -233,11 +233,14 @@ int wb_tube(const double *query, double *result, double *work) {
   double *lower = result + 2, *upper = lower + WB_STEPS * WB_N;
   double *lower_at = upper + WB_STEPS * WB_N, *upper_at = lower_at + (WB_STEPS + 1) * WB_N;
   wb_set s;
-  int i, k = 0, status = WB_COMPLETE;
+  const double grid = horizon / step - 1e-9; /* horizon_s is rarely an exact multiple */
+  int i, k, count, status = WB_COMPLETE;
   result[0] = WB_BAD_INPUT;
   result[1] = 0.0;
   if (!wb_finite(query, 2 * WB_N + WB_NP + 2 * WB_NW + 2)) return 0;
-  if (!(step > 0.0 && step <= WB_STEP_MAX && horizon > 0.0 && horizon <= step * WB_STEPS)) return 0;
+  if (!(step > 0.0 && step <= WB_STEP_MAX && horizon > 0.0 && grid <= WB_STEPS)) return 0;
+  count = (int)grid;
+  if (count < grid || count < 1) ++count;
   wb_start(&s, query, query + WB_N, query + 2 * WB_N, work);
   for (i = 0; i < WB_NW; ++i) {
     s.w_mid[i] = (w[i] + w[WB_NW + i]) / 2;
@@ -247,8 +250,8 @@ int wb_tube(const double *query, double *result, double *work) {
     lower_at[i] = s.x[i] - s.r[i];
     upper_at[i] = s.x[i] + s.r[i];
   }
-  while (status == WB_COMPLETE && k < WB_STEPS && k * step < horizon * (1 - 1e-12)) {
-    const double h = (k + 1) * step <= horizon ? step : horizon - k * step;
+  for (k = 0; k < count; ++k) {
+    const double h = k + 1 < count ? step : horizon - k * step;
     status = wb_step(&s, h, k);
     if (status != WB_COMPLETE) break;
     for (i = 0; i < WB_N; ++i) {
@@ -256,7 +259,6 @@ int wb_tube(const double *query, double *result, double *work) {
       upper_at[(k + 1) * WB_N + i] = s.x[i] + s.r[i];
     }
     wb_segment(&s, lower_at + k * WB_N, upper_at + k * WB_N, lower + k * WB_N, upper + k * WB_N);
-    ++k;
   }
   result[0] = status;
   result[1] = k;
