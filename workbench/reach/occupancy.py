@@ -5,6 +5,9 @@ Both are CasADi Functions with every operation rounded outward, so they evaluate
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import final
+
 import casadi as ca
 
 from workbench.sensitivity.elementary import cos, sin
@@ -39,49 +42,70 @@ def occupancy_function() -> ca.Function:
 
     station, offset, error = (interval(lower[i], upper[i]) for i in range(3))
     s_node, x_node, y_node, heading_node = (interval(node[i], node[i]) for i in range(4))
-    front, rear, half_width = (interval(body[i], body[i]) for i in range(3))
     delta = station - s_node
     turn = interval(curvature[0], curvature[1]) * delta
     swept = turn.hull(SymbolicInterval.exactly(0.0, validity))
     along = delta * cos(swept) - offset * sin(turn)
     across = delta * sin(swept) + offset * cos(turn)
-    heading = error + turn
-
-    with verbatim():
-        middle = (heading.lower + heading.upper) / 2
-        along_mid, across_mid = (along.lower + along.upper) / 2, (across.lower + across.upper) / 2
-    direction = interval(middle, middle)
-    c, s = cos(direction), sin(direction)
-    rotation = (heading - direction).absolute()
-    # Beyond a quarter turn the front would come to lie behind the rear bumper.
-    validity.require(rotation.upper <= _MOST_ROTATION_RAD)
-    spread_along = (along - interval(along_mid, along_mid)).absolute()
-    spread_across = (across - interval(across_mid, across_mid)).absolute()
-    c_size, s_size = c.absolute(), s.absolute()
-    ahead = (front - rear).scale(0.5)
-    u = interval(along_mid, along_mid) + ahead * c
-    v = interval(across_mid, across_mid) + ahead * s
+    cover = _covering(along, across, error + turn, [interval(body[i], body[i]) for i in range(3)])
     cn, sn = cos(heading_node), sin(heading_node)
-    x, y = x_node + u * cn - v * sn, y_node + u * sn + v * cn
-    half_length = (
-        (front + rear).scale(0.5) + half_width * rotation
-        + spread_along * c_size + spread_across * s_size
-    )  # fmt: skip
-    half_across = (
-        half_width + front.maximum(rear) * rotation
-        + spread_along * s_size + spread_across * c_size
-    )  # fmt: skip
+    x, y = x_node + cover.u * cn - cover.v * sn, y_node + cover.u * sn + cover.v * cn
     with verbatim():
         padding = _PADDING_M + x.width() + y.width()
         rectangle = ca.vertcat(
-            (x.lower + x.upper) / 2, (y.lower + y.upper) / 2, heading_node.lower + middle,
-            half_length.upper + padding, half_across.upper + padding,
+            (x.lower + x.upper) / 2, (y.lower + y.upper) / 2, heading_node.lower + cover.heading,
+            cover.half_length.upper + padding, cover.half_width.upper + padding,
         )  # fmt: skip
         outputs = list(ca.cse([rectangle, validity.result()]))
     return ca.Function(
         "wb_occupancy", [lower, upper, node, curvature, body], outputs,
         ["lower", "upper", "node", "curvature", "body"], ["rectangle", "ok"],
     )  # fmt: skip
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Cover:
+    """A rectangle in a node's frame: centre (u, v) in m, heading in rad, half sides in m."""
+
+    u: SymbolicInterval
+    v: SymbolicInterval
+    heading: ca.SX
+    half_length: SymbolicInterval
+    half_width: SymbolicInterval
+
+
+def _covering(
+    along: SymbolicInterval,
+    across: SymbolicInterval,
+    heading: SymbolicInterval,
+    body: list[SymbolicInterval],
+) -> _Cover:
+    """Rectangle around the body (front, rear, half width) for every reference point and heading."""
+    front, rear, half_width = body
+    direction, u_mid, v_mid = (_middle(each) for each in (heading, along, across))
+    c, s = cos(direction), sin(direction)
+    rotation = (heading - direction).absolute()
+    # Beyond a quarter turn the front would come to lie behind the rear bumper.
+    heading.validity.require(rotation.upper <= _MOST_ROTATION_RAD)
+    spread_along, spread_across = (along - u_mid).absolute(), (across - v_mid).absolute()
+    c_size, s_size = c.absolute(), s.absolute()
+    ahead = (front - rear).scale(0.5)
+    half_length = (front + rear).scale(0.5) + half_width * rotation
+    half_across = half_width + front.maximum(rear) * rotation
+    return _Cover(
+        u_mid + ahead * c,
+        v_mid + ahead * s,
+        direction.lower,
+        half_length + spread_along * c_size + spread_across * s_size,
+        half_across + spread_along * s_size + spread_across * c_size,
+    )
+
+
+def _middle(interval: SymbolicInterval) -> SymbolicInterval:
+    with verbatim():
+        middle = (interval.lower + interval.upper) / 2
+    return SymbolicInterval.between(middle, middle, interval.validity)
 
 
 def clearance_function() -> ca.Function:
