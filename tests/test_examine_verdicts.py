@@ -32,10 +32,22 @@ from workbench.sets.box import Box
 _MATRIX = np.array([[0.0, 1.0], [-2.0, -0.3]])
 _SET = Box.around({"position": 0.5, "rate": 0.0}, radius={"position": 0.2, "rate": 0.4})
 _CENTRE = Examiner(
-    samples=300, seed=0, step_s=0.1, goals_per_coordinate=6, rounds=5, any_centre=False
+    samples=300,
+    seed=0,
+    step_s=0.1,
+    goals_per_coordinate=6,
+    rounds=5,
+    any_centre=False,
+    stays_in_region=Rigor.ENCLOSED,
 )
 _PAIRS = Examiner(
-    samples=300, seed=0, step_s=0.1, goals_per_coordinate=6, rounds=5, any_centre=True
+    samples=300,
+    seed=0,
+    step_s=0.1,
+    goals_per_coordinate=6,
+    rounds=5,
+    any_centre=True,
+    stays_in_region=Rigor.ENCLOSED,
 )
 
 
@@ -213,7 +225,13 @@ def test_the_learned_bound_of_b1_fails_at_vertices_although_samples_obey_it() ->
         learned=learned,
         proved=(),
         method=Examiner(
-            samples=2000, seed=1, step_s=0.05, goals_per_coordinate=4, rounds=2, any_centre=False
+            samples=2000,
+            seed=1,
+            step_s=0.05,
+            goals_per_coordinate=4,
+            rounds=2,
+            any_centre=False,
+            stays_in_region=Rigor.ENCLOSED,
         ),
     )
     coverage = {c.group: c.whole_run for c in outcome.coverage}

@@ -1,5 +1,4 @@
-"""How strong a result is (`Rigor`), what the monitor concluded (`Verdict`), what it rests on
-(`Assumption`)."""
+"""Grade of a result (`Rigor`), conclusion of the monitor (`Verdict`), premise (`Assumption`)."""
 
 from __future__ import annotations
 
@@ -12,8 +11,7 @@ class Rigor(enum.IntEnum):
 
     SAMPLED: learned or falsified from runs. NUMERICAL: the argument is sound, but floating-point
     operations or sampled ranges in it are unproved. ENCLOSED: containment is proved, by outward
-    rounding or by a proved error budget covering rounding, truncation and motion between grid
-    points.
+    rounding or by a proved error budget for rounding, truncation and motion between grid points.
     """
 
     SAMPLED = 0

@@ -15,15 +15,16 @@ from workbench.cli.common import (
     chosen_vehicle,
     writable_folder,
 )
-from workbench.cli.output import Progress, emit
+from workbench.cli.output import Progress, emit, warn
 
 if TYPE_CHECKING:
+    from workbench.cli.analysis_options import Subject
     from workbench.models.vehicle import Vehicle
     from workbench.reach import ReachTube
     from workbench.report.curves import Growth
     from workbench.report.demo import DemoReport
     from workbench.runtime import Bundle
-    from workbench.sensitivity import Discrepancy, Examination
+    from workbench.sensitivity import Discrepancy, Examination, ProvedEnvelope
     from workbench.simulation.crossing import CrossingResult
 
 HELP = (
@@ -35,16 +36,14 @@ workbench demo
 workbench demo --vehicle my_shuttle.toml --out out/my_demo
 """
 _HORIZON_S = 3.0
-_TUBE_STEP_S = 0.025
-# Runs are integrated on the tube's own grid: a coarser one errs by more than the tube has slack
-# where the loop is linear, and would look like an escape.
-_GRID_S = _TUBE_STEP_S
+# Tube and runs share one grid: coarser runs err by more than the tube has slack where the loop is
+# linear, and would look like an escape.
+_STEP_S = 0.025
 _PAIRS = 400
 _SAMPLES = 2000
 _SEED = 1
 _RELEASE_STEPS = 5
 _CLEARANCE_M = 0.2
-_PROVED = ("sensitivity + remainder", "weighted norm", "growth matrix")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -55,114 +54,135 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the chain and report; every stage is a step of the progress bar."""
+    from workbench.models.control_view import quick_study
     from workbench.report.demo import demo_page
     from workbench.report.page import write_page
 
-    out = writable_folder(args.out)
     vehicle = chosen_vehicle(args)
+    out = writable_folder(args.out)
+    for text in quick_study(vehicle).warnings:
+        warn(text)
+    subject = _subject(vehicle)
     with Progress("demo", 6) as bar:
-        tube = _tube(vehicle)
+        tube = _tube(subject)
         bar.advance()
-        proved = _proved(vehicle, tube)
+        proved = _proved(subject, tube)
         bar.advance()
-        learned = _learned(vehicle)
-        examination = _examined(vehicle, tube, learned, proved)
+        learned = _learned(subject)
+        examination = _examined(subject, tube, learned, proved)
         bar.advance()
         bundle = _bundle(vehicle, out)
         bar.advance()
         crossing = _crossing(vehicle, bundle)
         bar.advance()
-        report = _report(_Findings(vehicle, tube, learned, examination, bundle, crossing))
+        found = _Findings(subject, tube, learned, examination, tuple(proved), bundle, crossing)
+        report = _report(found)
         page = demo_page(report, version=__version__, command="workbench demo")
         write_page(out / "report.html", page.html())
         bar.advance()
+    if not tube.complete:
+        warn(f"the tube is not complete ({tube.message}); proved bounds are left out")
     text = "\n".join([*report.lead, f"report: {out / 'report.html'}"])
     emit(args, text, _data(examination, crossing, tube, out))
-    return 0
+    return 0 if tube.complete else 1
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class _Findings:
-    vehicle: Vehicle
+    subject: Subject
     tube: ReachTube
     learned: Discrepancy
     examination: Examination
+    proved: tuple[str, ...]
     bundle: Bundle
     crossing: CrossingResult
 
 
-def _loop(vehicle: Vehicle):  # type: ignore[no-untyped-def]
+def _subject(vehicle: Vehicle) -> Subject:
+    from workbench.cli.analysis_options import Subject
     from workbench.models.bicycle import PathFrame
 
-    return vehicle.closed_loop(vehicle.track(), PathFrame(0.0, 0.0))
+    loop = vehicle.closed_loop(vehicle.track(), PathFrame(0.0, 0.0))
+    return Subject(vehicle.name, loop, vehicle.initial_set, vehicle.operation.region)
 
 
-def _tube(vehicle: Vehicle) -> ReachTube:
+def _tube(subject: Subject) -> ReachTube:
     from workbench.reach import SensitivityTube, compute_tube
 
     return compute_tube(
-        _loop(vehicle), initial_set=vehicle.initial_set, horizon_s=_HORIZON_S,
-        method=SensitivityTube(step_s=_TUBE_STEP_S),
-    )  # fmt: skip
+        subject.system,
+        initial_set=subject.initial_set,
+        horizon_s=_HORIZON_S,
+        method=SensitivityTube(step_s=_STEP_S),
+    )
 
 
-def _proved(vehicle: Vehicle, tube: ReachTube) -> list[Discrepancy]:
-    """Discrepancies over the hull of the tube, in which all its trajectories stay."""
+def _proved(subject: Subject, tube: ReachTube) -> dict[str, Discrepancy | ProvedEnvelope]:
+    """The tube itself, and discrepancies over its hull; nothing when the tube is not complete."""
+    from workbench.cli.analysis_results import envelope_of, hull_of
     from workbench.sensitivity import GrowthMatrix, Norm, WeightedNorm, derive_discrepancy
-    from workbench.sets import Box
+    from workbench.sensitivity.discrepancy import DerivationMethod
+    from workbench.sensitivity.sampling import instants
 
-    hull = Box(tube.names, tuple(tube.lower.min(axis=0)), tuple(tube.upper.max(axis=0)))
-    methods = (WeightedNorm(norm=Norm.MAX, weights=None, cells=64), GrowthMatrix(cells=64))
-    return [
-        derive_discrepancy(_loop(vehicle), region=hull, horizon_s=_HORIZON_S, method=method)
-        for method in methods
-    ]
+    if not tube.complete:
+        return {}
+    methods: dict[str, DerivationMethod] = {
+        "weighted norm": WeightedNorm(norm=Norm.MAX, weights=None, cells=64),
+        "growth matrix": GrowthMatrix(cells=64),
+    }
+    found: dict[str, Discrepancy | ProvedEnvelope] = {
+        "sensitivity + remainder": envelope_of(subject, tube, instants(_HORIZON_S, _STEP_S))
+    }
+    for name, method in methods.items():
+        found[name] = derive_discrepancy(
+            subject.system, region=hull_of(tube), horizon_s=_HORIZON_S, method=method
+        )
+    return found
 
 
-def _learned(vehicle: Vehicle) -> Discrepancy:
+def _learned(subject: Subject) -> Discrepancy:
     from workbench.sensitivity import LearnedExponential, learn_discrepancy
 
     return learn_discrepancy(
-        _loop(vehicle), initial_set=vehicle.initial_set, horizon_s=_HORIZON_S,
-        method=LearnedExponential(pairs=_PAIRS, seed=_SEED, step_s=_GRID_S, delta=1e-6),
-    )  # fmt: skip
+        subject.system,
+        initial_set=subject.initial_set,
+        horizon_s=_HORIZON_S,
+        method=LearnedExponential(pairs=_PAIRS, seed=_SEED, step_s=_STEP_S, delta=1e-6),
+    )
 
 
 def _examined(
-    vehicle: Vehicle, tube: ReachTube, learned: Discrepancy, proved: list[Discrepancy]
+    subject: Subject,
+    tube: ReachTube,
+    learned: Discrepancy,
+    proved: dict[str, Discrepancy | ProvedEnvelope],
 ) -> Examination:
-    import numpy as np
+    from workbench.sensitivity import Examiner, cross_examine
 
-    from workbench.sensitivity import Examiner, ProvedEnvelope, cross_examine
-    from workbench.sensitivity.sampling import rollout
-
-    # The examination measures distances from the run of the set's centre, about which a tube need
-    # not be symmetric: the larger side counts.
-    center = np.array([vehicle.initial_set.center])
-    end_s = float(tube.times[-1])
-    nominal = rollout(_loop(vehicle), center, horizon_s=end_s, step_s=_TUBE_STEP_S)[0]
-    half = np.maximum(tube.upper_at - nominal, nominal - tube.lower_at)
-
-    def half_widths(t_s: float) -> list[float]:
-        return [float(np.interp(t_s, tube.times, half[:, i])) for i in range(half.shape[1])]
-
-    envelope = ProvedEnvelope(
-        _PROVED[0], half_widths, tube.rigor, "trajectories from the initial set"
-    )
     return cross_examine(
-        _loop(vehicle), initial_set=vehicle.initial_set, horizon_s=_HORIZON_S, learned=learned,
-        proved=[envelope, *proved],
-        method=Examiner(samples=_SAMPLES, seed=_SEED + 1, step_s=_GRID_S, goals_per_coordinate=2,
-                        rounds=10, any_centre=False),
-    )  # fmt: skip
+        subject.system,
+        initial_set=subject.initial_set,
+        horizon_s=_HORIZON_S,
+        learned=learned,
+        proved=list(proved.values()),
+        method=Examiner(
+            samples=_SAMPLES,
+            seed=_SEED + 1,
+            step_s=_STEP_S,
+            goals_per_coordinate=2,
+            rounds=10,
+            any_centre=False,
+            stays_in_region=tube.rigor,
+        ),
+    )
 
 
 def _bundle(vehicle: Vehicle, out: Path) -> Bundle:
     from workbench.codegen import MonitorSpec, build_bundle
     from workbench.runtime import load_bundle
 
-    return load_bundle(build_bundle(MonitorSpec(vehicle, _HORIZON_S, 0.025), out / "bundle"))
+    return load_bundle(build_bundle(MonitorSpec(vehicle, _HORIZON_S, _STEP_S), out / "bundle"))
 
 
 def _crossing(vehicle: Vehicle, bundle: Bundle) -> CrossingResult:
@@ -179,61 +199,71 @@ def _crossing(vehicle: Vehicle, bundle: Bundle) -> CrossingResult:
 
 def _report(found: _Findings) -> DemoReport:
     from workbench.claims import Rigor
-    from workbench.report.curves import TubeCurves
+    from workbench.cli.analysis_results import sampled_runs, tube_curves
     from workbench.report.demo import DemoReport
     from workbench.report.page import Claim
 
     tube, examination = found.tube, found.examination
-    states = _loop(found.vehicle).ode.states
-    units = tuple(state.unit for state in states)
+    line = found.crossing.summary_line()
     lead = (
-        f"{found.vehicle.name}: tube over {tube.times[-1]:g} s {tube.status.name}, rigor "
+        f"{found.subject.name}: tube over {tube.times[-1]:g} s {tube.status.name}, rigor "
         f"{tube.rigor.name}.",
         f"Learned bound: {examination.verdict.value.replace('_', ' ').lower()}.",
-        f"Crossing: {found.crossing.summary_line()}.",
+        f"{line[0].upper()}{line[1:]}.",
     )
+    reach = f"Every trajectory from the initial set stays in the tube up to {tube.times[-1]:g} s."
     claims = (
-        Claim("Every trajectory from the initial set stays in the tube.", tube.rigor),
+        Claim(reach, tube.rigor),
         Claim(f"Learned bound ({found.learned.condition})", found.learned.rigor),
         Claim("Monitor decisions, under the assumptions listed below", found.bundle.manifest.rigor),
-        *(Claim(f"{curve.name}: {curve.condition}", curve.rigor)
-          for curve in examination.proved if curve.rigor is Rigor.ENCLOSED),
-    )  # fmt: skip
-    curves = TubeCurves(
-        tube.names, units, tube.times, tube.lower, tube.upper, tube.lower_at, tube.upper_at,
-        tube.rigor,
-    )  # fmt: skip
+        *(
+            Claim(f"{name}: {curve.condition}", curve.rigor)
+            for name, curve in zip(found.proved, examination.proved, strict=True)
+            if curve.rigor is not Rigor.SAMPLED
+        ),
+    )
     return DemoReport(
-        lead=lead, claims=claims, tube=curves, samples=_samples(found.vehicle),
-        growths=_growths(examination, found.learned),
-        frames=tuple(entry.frame for entry in found.crossing.entries), numbers=(),
+        lead=lead,
+        claims=claims,
+        tube=tube_curves(tube, found.subject.system.ode),
+        samples=sampled_runs(found.subject, horizon_s=_HORIZON_S, count=200, seed=_SEED),
+        growths=_growths(found),
+        frames=tuple(entry.frame for entry in found.crossing.entries),
+        numbers=(),
         assumptions=found.bundle.manifest.assumptions,
-    )  # fmt: skip
+    )
 
 
-def _samples(vehicle: Vehicle):  # type: ignore[no-untyped-def]
-    from workbench.report.curves import SampledRuns
-    from workbench.sensitivity.sampling import instants, rollout, sample_initial_states
-
-    starts = sample_initial_states(vehicle.initial_set, count=200, seed=_SEED)
-    runs = rollout(_loop(vehicle), starts, horizon_s=_HORIZON_S, step_s=_GRID_S)
-    return SampledRuns(instants(_HORIZON_S, _GRID_S), runs)
-
-
-def _growths(examination: Examination, learned: Discrepancy) -> tuple[Growth, ...]:
+def _growths(found: _Findings) -> tuple[Growth, ...]:
     from workbench.claims import Rigor
     from workbench.report.curves import Growth, Origin
 
+    examination = found.examination
     times = examination.times
     verdict = examination.verdict.value.replace("_", " ").lower()
     return (
-        Growth("sampled", Origin.SAMPLES, Rigor.SAMPLED, times, examination.driven,
-               detail="with gradient search"),
-        Growth("learned", Origin.LEARNED, learned.rigor, times, examination.learned,
-               finding=verdict, detail=f"{_PAIRS} pairs"),
-        *(Growth(label, Origin.PROVED, curve.rigor, times, curve.half_widths)
-          for label, curve in zip(_PROVED, examination.proved, strict=True)),
-    )  # fmt: skip
+        Growth(
+            "sampled",
+            Origin.SAMPLES,
+            Rigor.SAMPLED,
+            times,
+            examination.driven,
+            detail="with gradient search",
+        ),
+        Growth(
+            "learned",
+            Origin.LEARNED,
+            found.learned.rigor,
+            times,
+            examination.learned,
+            finding=verdict,
+            detail=f"{_PAIRS} pairs",
+        ),
+        *(
+            Growth(name, Origin.PROVED, curve.rigor, times, curve.half_widths)
+            for name, curve in zip(found.proved, examination.proved, strict=True)
+        ),
+    )
 
 
 def _data(

@@ -153,6 +153,7 @@ def _outcome(args: argparse.Namespace, subject: Subject, learned: Discrepancy) -
                 goals_per_coordinate=_GOALS,
                 rounds=args.rounds,
                 any_centre=args.any_centre,
+                stays_in_region=tube.rigor,
             ),
         )
     return _Outcome(subject, learned, tube, list(proved), found)

@@ -51,6 +51,14 @@ ASSUMPTIONS = (
         "whoever fills the observation",
     ),
     Assumption(
+        "estimation", "the controller reads the state without error, and nothing disturbs the car",
+        "none: no estimation error and no disturbance but the path's curvature enter the tube",
+    ),
+    Assumption(
+        "time", "the observation is of now, and commands act at once",
+        "none: age, clock skew, computation and actuation delay are not in the tube",
+    ),
+    Assumption(
         "compiled code", "the compiler kept the operations of the generated C",
         "flags without contraction or reassociation, golden vectors compared bit for bit",
     ),

@@ -15,8 +15,7 @@ from workbench.sets import Box
 
 # One instruction in place of a library call. Minimum and maximum differ from C's for NaN and signed
 # zeros only, and every bound is watched for NaN before it meets one (see sensitivity.validity). The
-# rounding trick equals floor below 2^51; arguments above 1e4 are refused by the trigonometry that
-# asks.
+# rounding trick equals floor below 2^51; the trigonometry that asks refuses arguments above 1e4.
 _INLINE = {
     "return fmin(x, y);": "return x < y ? x : y;",
     "return fmax(x, y);": "return x > y ? x : y;",
@@ -145,8 +144,7 @@ def _tables(steps: StepFunctions, region: Box, sizes: KernelSizes) -> str:
 
 
 def _map_columns(phi: ca.Sparsity) -> str:
-    """to = Phi from for `count` columns, unrolled over the nonzeros: independent work per
-    column."""
+    """to = Phi from for `count` columns, unrolled over the nonzeros; columns are independent."""
     n = phi.size1()
     terms: list[list[str]] = [[] for _ in range(n)]
     rows, cols = phi.get_triplet()

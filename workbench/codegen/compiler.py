@@ -12,9 +12,8 @@ from typing import final
 
 from workbench.errors import InputError
 
-# No fused multiply-add, no reassociation, no tuning to this machine: the operations that were
-# proved
-# about are the operations that run. Vectorising independent columns does not change their bits.
+# No fused multiply-add, no reassociation, no tuning to this machine: the operations that the proof
+# is about are the operations that run. Vectorising independent columns does not change their bits.
 FLAGS = (
     "-std=c99", "-O2", "-ftree-vectorize", "-fvect-cost-model=dynamic", "-ffp-contract=off",
     "-fno-fast-math", "-fno-math-errno", "-fPIC", "-shared",
@@ -46,8 +45,7 @@ def find_compiler() -> str:
 
 
 def compile_shared(source: str, *, flags: tuple[str, ...] = FLAGS) -> Compiled:
-    """Compile one C99 file into a shared object. Raises InputError with the compiler's first
-    error."""
+    """Compile one C99 file into a shared object; InputError holds the compiler's first error."""
     compiler = find_compiler()
     with tempfile.TemporaryDirectory(prefix="workbench-") as folder:
         (Path(folder) / "kernel.c").write_text(source)

@@ -50,10 +50,8 @@ class CompiledTube:
     """`SensitivityTube` compiled to C for one system, over one operating region.
 
     A tube that leaves the region ends with LEFT_REGION. Parameters must be known constants (make
-    ranged
-    ones states first). Rigor NUMERICAL: as `SensitivityTube`, and in addition its ranges are not
-    rounded
-    outward and the truncation of the Runge-Kutta step is estimated (generously), not bounded.
+    ranged ones states first). Rigor NUMERICAL: as `SensitivityTube`, except that the truncation of
+    the Runge-Kutta step is estimated (generously) and not bounded.
     """
 
     def __init__(
@@ -110,8 +108,7 @@ class CompiledTube:
 
 @final
 class CompiledTrajectory:
-    """The nominal alone: `steps` classical Runge-Kutta steps in C, the yardstick of every kernel
-    time."""
+    """The nominal alone: `steps` classical Runge-Kutta steps in C, the yardstick of every time."""
 
     def __init__(self, system: System, *, steps: int, flags: tuple[str, ...] = FLAGS) -> None:
         ode = system.ode

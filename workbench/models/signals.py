@@ -10,8 +10,7 @@ from typing import final
 @final
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A state of a model: its name (by meaning) and SI unit ('' when unknown, '1' when
-    dimensionless)."""
+    """A state of a model: name (by meaning) and SI unit ('' if unknown, '1' if dimensionless)."""
 
     name: str
     unit: str

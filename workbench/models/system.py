@@ -96,8 +96,7 @@ def system_from_casadi(
     units: tuple[str, ...] | None = None,
     name: str = "system",
 ) -> Ode:
-    """Make a `System` of any SX expression: states (n x 1 symbols), field (n x 1), one name per
-    state.
+    """Make a `System` of an SX field (n x 1) over the symbols `states` (n x 1), one name for each.
 
     >>> x = ca.SX.sym("x")
     >>> system_from_casadi(x, -x, ("x",)).names

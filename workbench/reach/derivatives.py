@@ -20,8 +20,7 @@ from workbench.sensitivity.kinks import RelaxedForm, SmoothForm
 @dataclass(frozen=True, slots=True)
 class Derivatives:
     """Of g(x, v) with v = (w, kink errors): dg/dx (n x n), dg/dv (n x n_v), and for each i the
-    upper
-    triangle of D^2 g_i over (x, v)."""
+    upper triangle of D^2 g_i over (x, v)."""
 
     jacobian: ca.SX
     by_exogenous: ca.SX

@@ -1,6 +1,7 @@
 """Bounds of the second-order terms of one tube step, from magnitudes of the derivatives.
 
-All quantities are symbolic and non-negative. M >= |A| elementwise over the step's box.
+All quantities are symbolic and non-negative. M >= |A| elementwise over the step's box, the one that
+contains nominal and tube for the whole step.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ def magnitude(lower: ca.SX, upper: ca.SX) -> ca.SX:
 @final
 @dataclass(frozen=True, slots=True)
 class Magnitudes:
-    """Elementwise bounds over the step's box.
+    """Elementwise bounds, all over one box that contains nominal and tube for the whole step.
 
-    jacobian |dg/dx| (n x n), by_exogenous |dg/dv| (n x n_v), hessians |D^2 g_i| over (x, v) (upper
-    triangles), field |x'| (n).
+    field |x'| (n), in the states' units per s; its derivatives in these units per unit of what they
+    are taken by: jacobian |dg/dx| (n x n), by_exogenous |dg/dv| (n x n_v), hessians |D^2 g_i| over
+    (x, v) (n upper triangles, n + n_v square).
     """
 
     jacobian: ca.SX
@@ -55,10 +57,13 @@ class Magnitudes:
 @final
 @dataclass(frozen=True, slots=True)
 class StepTerms:
-    """box (n): what the set gains as a box; chord (n): deviation of a state from its chord;
-    radius (n): |e| over the whole step; cut (n): (h M)^5 (r + h B v) / 24, an estimate (five times
-    the first omitted term of a constant M) of what the Runge-Kutta step leaves out of S d0;
-    ok: 1.0 if the a priori bounds verified themselves and everything is finite."""
+    """Bounds over one step, in the states' units, one entry per state (n).
+
+    box: what the set gains as a box; chord: deviation of a state from its chord; radius: |e| over
+    the whole step; cut: (h M)^5 (r + h B v) / 24, an estimate (five times the first omitted term of
+    a constant M) of what the Runge-Kutta step leaves out of S d0; ok: 1.0 if the a priori bounds
+    verified themselves and everything is finite. All rest on `Magnitudes` over the step's box.
+    """
 
     box: ca.SX
     chord: ca.SX

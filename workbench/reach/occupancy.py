@@ -28,10 +28,9 @@ def occupancy_function() -> ca.Function:
     that point + e (-sin, cos)(theta), and the body points along psi + theta. A rotation by at most
     rho about the middle heading moves a body point by at most half_width rho along the body and
     max(front, rear) rho across it; ok is 0 for a rho above 1.5.
-    Inputs: lower, upper (3): station (m), offset (m), heading error (rad); node (4): station, x,
-    y, heading; curvature (2), 1/m;
-    body (3): front, rear, half width in m. Outputs: rectangle (5): centre x, y, heading, half
-    length, half width; ok.
+    Inputs: lower, upper (3): station (m), offset (m), heading error (rad); node (4): station, x, y
+    (m), heading (rad); curvature (2), 1/m; body (3): front, rear, half width in m.
+    Outputs: rectangle (5): centre x, y (m), heading (rad), half length, half width (m); ok.
     """
     lower, upper = ca.SX.sym("lower", 3), ca.SX.sym("upper", 3)
     node, curvature, body = ca.SX.sym("node", 4), ca.SX.sym("curvature", 2), ca.SX.sym("body", 3)
@@ -112,8 +111,8 @@ def clearance_function() -> ca.Function:
     """A proved lower bound of the distance between a rectangle and a person's disc, in m.
 
     The person's centre at tau in [start, end] lies within |v| (end - start)/2 of its place at the
-    middle, and the disc's radius at most grows to radius + growth end + growth2/2 end^2 (growths
-    >= 0).
+    middle, and for growths >= 0 the disc's radius at most grows to
+    radius + growth end + growth2/2 end^2.
     Distance of a point from a rectangle: with (a, b) its absolute coordinates along and across
     minus the half sides, sqrt(max(a, 0)^2 + max(b, 0)^2), or max(a, b) inside.
     Inputs: rectangle (5); person (7): x, y, vx, vy, radius, growth, growth2 (SI); start, end in s.

@@ -30,7 +30,10 @@ def _at_nominal(
 
 
 def relaxation(form: SmoothForm, relaxed: RelaxedForm, s: StepSymbols, i: int) -> ca.Function:
-    """Range of driver i over the step, and the Chebyshev line of min(d, 0) over that range.
+    """Range of driver i over the step, and the Chebyshev line of its clip over that range.
+
+    The clip is clip(d, floor, ceiling); slope, offset and gap of the line come out, ok is 0 where a
+    range is invalid.
 
     The range is the intersection of the natural one over the a priori box and of the mean-value
     form d(x_k) +- (linear radius + 1/2 r^T |D^2 d| r) + [0, h] d' +- |dd/dv| v.
@@ -75,13 +78,11 @@ def relaxation(form: SmoothForm, relaxed: RelaxedForm, s: StepSymbols, i: int) -
 def _chebyshev_line(
     low: ca.SX, high: ca.SX, floor: ca.SX, ceiling: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Best affine approximation of clip(d, floor, ceiling) over low <= d <= high: slope, offset,
-    gap.
+    """Slope, offset and gap of the best line through clip(d, floor, ceiling) for low <= d <= high.
 
     For a slope in [0, 1] the deviation clip(d) - slope d is extreme at the range's ends and at the
-    knees
-    inside it; its half range, convex and piecewise linear in the slope, is least where two of these
-    values meet: the two secants tried here. Any choice is sound.
+    knees inside it; its half range, convex and piecewise linear in the slope, is least where two of
+    these values meet: the two secants tried here. Any choice is sound.
     """
 
     def clip(d: ca.SX) -> ca.SX:

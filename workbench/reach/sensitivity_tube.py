@@ -25,18 +25,18 @@ from workbench.sets import Box
 class SensitivityTube:
     """x(t) in xi(t) + S(t) d0 + (box-valued remainders carried as generators), all time covered.
 
-    step_s: grid spacing in s; the last step is shorter when it does not divide the horizon.
-    The set at an instant is the zonotope nominal + G [-1, 1]^m. Each step maps G by the
-    sensitivity of
-    the nominal and appends a diagonal block for the remainder, the truncation of the Runge-Kutta
-    step
-    and disturbances held or varying within the step. Kinks enter by their best affine relaxation
-    over the current range. Between instants every state stays within h^2/8 |x''| of its chord.
-    Rigor NUMERICAL: remainder, truncation and motion between instants are bounded over verified
-    boxes
-    with outward-rounded ranges, but the rounding of nominal, sensitivity and generators is not.
-    Source: conservative linearisation, Althoff, Stursberg, Buss, CDC 2008; affine relaxation:
-    DESIGN.
+    step_s: grid spacing in s; the last step is shorter when it does not divide the horizon. The set
+    at an instant is the zonotope nominal + G [-1, 1]^m. Each step maps G by the sensitivity of the
+    nominal and appends a diagonal block for the remainder, the truncation of the Runge-Kutta step
+    and disturbances that vary within the step. Kinks enter by their best affine relaxation over the
+    current range. Between instants every state stays within h^2/8 |x''| of its chord.
+    Rigor NUMERICAL: truncation is bounded with outward rounding; remainder, motion between instants
+    and the verified boxes are bounded by the same argument in plain floats, and the rounding of
+    nominal, sensitivity and generators is not bounded. The linear image that bounds the set between
+    instants is the Runge-Kutta one; it differs from the exact one by the truncation, which the
+    chord's own slack (h^2/8 M M r, four orders above h^5 M^5 r / 120) covers for h M < 1/2.
+    Source: conservative linearisation, Althoff, Stursberg, Buss, CDC 2008; relaxation and carrying
+    of remainders: docs/decisions.
     """
 
     step_s: float

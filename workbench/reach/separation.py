@@ -1,5 +1,4 @@
-"""Whether a tube keeps clear of people: the ground the car can cover against their predicted
-discs."""
+"""Whether a tube keeps clear of people: the ground the car covers against their discs."""
 
 from __future__ import annotations
 
@@ -84,10 +83,10 @@ class PathGround:
 class Separation:
     """verdict: SAFE when every proved clearance reaches what was required, UNPROVED otherwise.
 
-    clearance_m: smallest proved clearance, inf with nobody; time_s: start of its segment; person:
-    who;
-    occupancy (K x 5): rectangles (centre x, y, heading, half length, half width) that contain the
-    body; rigor: that of the tube, capped at NUMERICAL for the path table.
+    clearance_m: smallest proved clearance, inf with nobody; time_s: start of its segment;
+    person: who; occupancy (K x 5): one rectangle per segment that contains the body: centre x, y
+    (m), heading (rad), half length, half width (m), NaN where none was found; rigor: that of the
+    tube, capped at NUMERICAL for the path table.
     """
 
     verdict: Verdict
@@ -123,9 +122,11 @@ def check_separation(
         for person in people:
             value, ok = measure(rectangle, person.numbers, tube.times[k], tube.times[k + 1])
             clearance = float(value) if float(ok) == 1.0 else -math.inf
-            if clearance < smallest:
+            # Written so that a NaN counts as the smallest.
+            if not clearance >= smallest:
                 smallest, when, who = clearance, float(tube.times[k]), person.name
-    verdict = Verdict.SAFE if smallest >= clearance_required_m else Verdict.UNPROVED
+    safe = bool(np.all(np.isfinite(occupancy))) and smallest >= clearance_required_m
+    verdict = Verdict.SAFE if safe else Verdict.UNPROVED
     return Separation(
         verdict if tube.complete else Verdict.INVALID, smallest, when, who, occupancy,
         weakest(tube.rigor, Rigor.NUMERICAL),
@@ -133,7 +134,8 @@ def check_separation(
 
 
 def covered_ground(tube: ReachTube, *, ground: Ground, body: VehicleBody) -> Array:
-    """Rectangles (K x 5) that contain the body on every segment of `tube`."""
+    """Rectangles (K x 5) that contain the body on every segment of `tube`; NaN where there is none
+    (the heading spreads beyond 1.5 rad, or leaves the range of the trigonometry)."""
     function = occupancy_function()
     size = [body.front_m, body.rear_m, body.half_width_m]
     rows = []
@@ -143,7 +145,6 @@ def covered_ground(tube: ReachTube, *, ground: Ground, body: VehicleBody) -> Arr
             dict(zip(tube.names, map(float, high), strict=True)),
         )
         rectangle, ok = function(places.lower, places.upper, places.node, places.curvature, size)
-        if float(ok) != 1.0:
-            raise InputError("the covered ground is unbounded (heading or curvature out of range)")
-        rows.append(np.array(rectangle).ravel())
+        row = np.array(rectangle).ravel()
+        rows.append(row if float(ok) == 1.0 else np.full(5, math.nan))
     return np.array(rows).reshape(len(rows), 5)

@@ -1,9 +1,8 @@
 """The CasADi Functions of one tube step; they evaluate in Python and compile to C unchanged.
 
-Notation of every Function: x (n) nominal state at t_k; r (n) radius of the set there; p parameters
-then
-constants; w_mid, w_rad (n_w) disturbance centre and radius; slope, offset, gap (n_kinks) the affine
-relaxation kappa = slope d + offset +- gap of every kink; h the step in s.
+Notation of every Function: x (n) nominal state at t_k; r (n) radius of the set there; p parameters,
+then constants; w_mid, w_rad (n_w) disturbance centre and radius; slope, offset, gap (n_kinks) the
+affine relaxation kappa = slope d + offset +- gap of every kink; h the step in s.
 
 With e = x - nominal, A the Jacobian of the relaxed field g along the nominal and v = (w, error) the
 exogenous inputs, the step rests on
@@ -117,8 +116,7 @@ def _enclose(form: SmoothForm, s: StepSymbols) -> ca.Function:
 
 
 def _bounds(form: SmoothForm, relaxed: RelaxedForm, s: StepSymbols) -> ca.Function:
-    """Picard trial for the relaxed field, with the magnitudes of its derivatives over the same
-    box."""
+    """Picard trial for the relaxed field, with its derivatives' magnitudes over the same box."""
     x = form.ode.x
     matrices = derivatives(form, relaxed).all()
     sizes: list[ca.SX] = []

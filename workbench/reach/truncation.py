@@ -1,10 +1,9 @@
 """A bound of what one Runge-Kutta step leaves out, of the nominal state and of its sensitivity.
 
 For the classical step Psi the error after a step h is h^5/5! (x^(5)(theta) - Psi^(5)(theta')),
-componentwise,
-with theta, theta' in [0, h] (both sides agree to order 4; Taylor's theorem in h). The derivative
-of both
-sides along a direction (e, v) bounds the error of the sensitivities applied to that direction.
+componentwise, with theta, theta' in [0, h] (both sides agree to order 4; Taylor's theorem in h).
+The derivative of both sides along a direction (e, v) bounds the error of the sensitivities applied
+to that direction.
 Source: E. Hairer, S. Norsett, G. Wanner, Solving Ordinary Differential Equations I, section II.3.
 """
 

@@ -19,8 +19,8 @@ class TubeStatus(enum.Enum):
 
     LEFT_REGION: the tube left the region for which its bounds hold; use a smaller initial set or a
     larger region. ENCLOSURE_FAILED: no a priori enclosure was found; use a shorter step or split
-    the
-    initial set. SINGULAR: a pole of tan or a division by an interval with zero lies in the tube.
+    the initial set. SINGULAR: a pole of tan or a division by an interval with zero lies in the
+    tube.
     """
 
     COMPLETE = 0

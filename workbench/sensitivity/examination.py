@@ -45,6 +45,8 @@ class Examiner:
     at which each coordinate's distance is driven up, the worst sampled ones first; rounds:
     gradient steps. any_centre: examine the claim for every pair in the set no further apart than
     its half widths; otherwise only for pairs with the centre (the tube about the nominal run).
+    stays_in_region: grade of what shows that runs from the set stay in the regions of the proved
+    discrepancies, which are no stronger than it.
     """
 
     samples: int
@@ -53,6 +55,7 @@ class Examiner:
     goals_per_coordinate: int
     rounds: int
     any_centre: bool
+    stays_in_region: Rigor
 
     def __post_init__(self) -> None:
         if min(self.samples, self.goals_per_coordinate) < 1 or self.rounds < 0:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.claims import Rigor
+from workbench.claims import Rigor, weakest
 from workbench.errors import InputError
 from workbench.models.system import System
 from workbench.sensitivity.ascent import Goals, Pairs, ascend, joined
@@ -71,8 +71,7 @@ def cross_examine(
     ratios = _ratios(pool_distances, bound)
     witness = _witness(flow, pool, ratios=ratios, times=times, claim=learned)
     curves = tuple(
-        _curve(p, box, times, learned=bound, reached=driven, pairwise=method.any_centre)
-        for p in proved
+        _curve(p, box, times, learned=bound, reached=driven, method=method) for p in proved
     )
     return Examination(
         _verdict(witness, curves),
@@ -185,19 +184,22 @@ def _curve(
     *,
     learned: Array,
     reached: Array,
-    pairwise: bool,
+    method: Examiner,
 ) -> ProvedCurve:
+    rigor = proved.rigor
     if isinstance(proved, Discrepancy):
         name, covers = proved.norm, True
+        if proved.region is not None:
+            rigor = weakest(rigor, method.stays_in_region)
         rows = [proved.radius(box.radius, t) for t in times.tolist()]
     else:
-        name, covers = proved.name, not pairwise
+        name, covers = proved.name, not method.any_centre
         rows = [tuple(proved.half_widths(t)) for t in times.tolist()]
     half_widths = np.array(rows)
     return ProvedCurve(
         name,
         half_widths,
-        proved.rigor,
+        rigor,
         proved.condition,
         implies_learned=covers and bool(np.all(half_widths <= learned)),
         worst_ratio=float(_ratios(reached, half_widths).max()),

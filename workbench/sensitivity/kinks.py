@@ -2,8 +2,8 @@
 
 CasADi differentiates a clip to c1/(c1+c2), an undecided 0/0, and gives comparisons the derivative
 0. Here every kink becomes one symbol kappa_i = clip(d_i, floor_i, ceiling_i) with its driver d_i;
-limits
-that depend on parameters only stay one clip, everything else uses min(d, 0) = clip(d, -1e300, 0):
+a clip whose limits depend on parameters only stays one, everything else uses min(d, 0) =
+clip(d, -1e300, 0):
 
     fmin(a, b) = b + min(a - b, 0),   fmax(a, b) = b - min(b - a, 0),   fabs(a) = a - 2 min(a, 0).
 
@@ -61,8 +61,7 @@ class SmoothForm:
 class RelaxedForm:
     """The smooth field with every kink replaced by kappa_i = slope_i d_i + offset_i + error_i.
 
-    field (n x 1) and drivers (n_kinks x 1) in terms of x, p, w, slope, offset and error; the
-    relaxation
+    field (n x 1) and drivers (n_kinks x 1) in terms of x, p, w, slope, offset and error; it
     encloses the kink whenever |error_i| is allowed up to the half gap of the chosen line.
     """
 
@@ -105,12 +104,12 @@ def relax(form: SmoothForm) -> RelaxedForm:
 
 
 def generalised_jacobian(form: SmoothForm) -> tuple[ca.SX, ca.SX]:
-    """Jacobian of the field in x with one selector per kink: (n x n expression, selectors).
+    """Jacobian of the field in x (n x n) and its selectors (n_kinks x 1), one per kink.
 
-    d kappa_i = selector_i d d_i with selector_i = 1 strictly between the limits, 0 strictly
-    outside, [0, 1]
-    undecided: with interval selectors this contains Clarke's generalised Jacobian (chain rule, as
-    an outer bound).
+    d kappa_i = selector_i d d_i; selector_i is 1 where driver i lies strictly between its limits, 0
+    where strictly outside, and ranges over [0, 1] where that is undecided. Rigor: with selectors
+    that range so, the range of the expression is an outer bound of Clarke's generalised Jacobian
+    (chain rule); how it is rounded is up to whoever evaluates it.
     """
     count = form.kappa.numel()
     selector = ca.SX.sym("selector", count)

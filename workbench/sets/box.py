@@ -103,8 +103,7 @@ class Box:
         return self.lower[index], self.upper[index]
 
     def contains(self, point: Mapping[str, float] | Sequence[float]) -> bool:
-        """Whether `point` (mapping by name, or values in axis order) lies in the box. NaN lies
-        nowhere."""
+        """Whether `point` (by name, or values in axis order) lies in the box; NaN lies nowhere."""
         values = [point[name] for name in self.names] if isinstance(point, Mapping) else list(point)
         return len(values) == len(self.names) and all(
             low <= value <= high

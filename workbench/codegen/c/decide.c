@@ -66,7 +66,7 @@ static int wb_disturb(wb_set *s, const double *q, const wb_path *path, double *f
     high = q[WB_Q_DISTURBANCE_UPPER + i];
     if (i == WB_CURVATURE && !wb_curvature(path, *from, *to, &low, &high)) return 0;
     s->w_mid[i] = (low + high) / 2;
-    s->w_rad[i] = high > low ? (high - low) / 2 * (1 + 1e-15) + 1e-300 : 0.0;
+    s->w_rad[i] = wb_radius(low, high);
   }
   return 1;
 }
@@ -97,7 +97,7 @@ static int wb_keep_clear(const double *q, double *r, const double *rectangle, in
     const double *arg[] = {rectangle, q + WB_Q_PEOPLE + 7 * i, &start, &end};
     double *res[] = {&clearance, &ok};
     if (wb_call(wb_clearance, arg, res) || !(ok == 1.0)) return 0;
-    if (clearance < r[WB_R_CLEARANCE_M]) {
+    if (!(clearance >= r[WB_R_CLEARANCE_M])) {
       r[WB_R_CLEARANCE_M] = clearance;
       r[WB_R_CLEARANCE_TIME_S] = start;
       r[WB_R_CLEARANCE_PERSON] = i;

@@ -39,6 +39,12 @@ static int wb_finite(const double *v, int count) {
 
 static double *wb_row(double *g, int i) { return g + (size_t)i * WB_COLUMNS; }
 
+/* Radius about the rounded middle of [low, high] that covers both ends in spite of rounding. */
+static double wb_radius(double low, double high) {
+  const double size = fabs(low) > fabs(high) ? fabs(low) : fabs(high);
+  return high > low ? (high - low) / 2 * (1 + 1e-15) + 1e-15 * size + 1e-300 : 0.0;
+}
+
 /* Four running sums: the order is fixed, so the bits are too, and the additions overlap. */
 static double wb_sum_abs(const double *v, int count) {
   double a = 0.0, b = 0.0, c = 0.0, d = 0.0;
@@ -244,7 +250,7 @@ int wb_tube(const double *query, double *result, double *work) {
   wb_start(&s, query, query + WB_N, query + 2 * WB_N, work);
   for (i = 0; i < WB_NW; ++i) {
     s.w_mid[i] = (w[i] + w[WB_NW + i]) / 2;
-    s.w_rad[i] = (w[WB_NW + i] - w[i]) / 2;
+    s.w_rad[i] = wb_radius(w[i], w[WB_NW + i]);
   }
   for (i = 0; i < WB_N; ++i) {
     lower_at[i] = s.x[i] - s.r[i];
