@@ -111,3 +111,30 @@ def test_a_spoilt_learned_file_is_refused_in_words(
     found = invoke("examine", *SHORT, "--learned", saved, "--out", tmp_path / "out")
     assert found.status == 2
     assert said in found.err
+
+
+def test_a_folder_as_vehicle_is_named_with_a_mend(tmp_path: Path) -> None:
+    result = invoke("gains", "--vehicle", tmp_path)
+    assert result.status == 2
+    assert f"--vehicle: expected a vehicle file that can be read, got {tmp_path}" in result.err
+    assert "workbench new vehicle NAME" in result.err
+
+
+def test_a_missing_learned_bound_says_what_writes_one(tmp_path: Path) -> None:
+    for file in (tmp_path / "nope", tmp_path):
+        result = invoke("examine", *SHORT, "--learned", file, "--out", tmp_path / "out")
+        assert result.status == 2
+        assert "expected a learned bound, written by `workbench learn --save FILE`" in result.err
+
+
+@pytest.mark.parametrize(("pairs", "promised"), [(1, "nothing"), (40, "almost nothing")])
+def test_too_few_pairs_are_warned_about(pairs: int, promised: str) -> None:
+    result = invoke("learn", *SHORT, "--pairs", pairs)
+    assert result.status == 0
+    needed = re.search(rf"{pairs} pairs promise {promised}: .* give --pairs (\d+)", result.err)
+    assert needed, result.err
+    enough = invoke("learn", *SHORT, "--pairs", needed[1], "--json")
+    assert "promise" not in enough.err
+    assert enough.data["statement"]["epsilon"] <= 0.05
+    fewer = invoke("learn", *SHORT, "--pairs", int(needed[1]) - 1, "--json")
+    assert fewer.data["statement"]["epsilon"] > 0.05

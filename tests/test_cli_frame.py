@@ -19,14 +19,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from workbench.cli import doctor
 from workbench.cli.common import replacing, writable_folder, write_bytes, write_text
 from workbench.cli.main import COMMANDS, load_command, main
 from workbench.cli.output import Progress, emit, plain
 from workbench.errors import InputError
 
 ROOT = Path(__file__).parent.parent
-NEEDED = ("casadi", "numpy", "scipy", "cvxpy", "clarabel", "control", "filterpy", "matplotlib")
 
 
 @pytest.fixture
@@ -218,42 +216,21 @@ def test_nothing_half_written_stays(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [target]
 
 
-def doctor_status(capsys: pytest.CaptureFixture[str]) -> tuple[int, dict[str, object]]:
-    status = main(["doctor", "--json"])
-    return status, json.loads(capsys.readouterr().out)
-
-
-def test_doctor_is_content_here(capsys: pytest.CaptureFixture[str]) -> None:
-    status, data = doctor_status(capsys)
-    assert (status, data["ready"]) == (0, True)
-    assert main(["doctor"]) == 0
-    assert "ready" in capsys.readouterr().out
-
-
-def test_doctor_misses_a_compiler(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["build", "--horizn", "3"], "--horizn: did you mean --horizon?"),
+        (["build", "--horizn=3"], "--horizn: did you mean --horizon?"),
+        (["replay", "x", "--recordng", "y"], "--recordng: did you mean --recording?"),
+    ],
+)
+def test_a_misspelt_option_gets_a_hint(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    status, data = doctor_status(capsys)
-    assert (status, data["ready"]) == (1, False)
-    assert main(["doctor"]) == 1
-    assert "missing: cc, gcc, clang" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("name", NEEDED)
-def test_doctor_misses_each_package(
-    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    real = doctor.importlib.metadata.version
-
-    def version(wanted: str) -> str:
-        if wanted == name:
-            raise doctor.importlib.metadata.PackageNotFoundError(wanted)
-        return real(wanted)
-
-    monkeypatch.setattr(doctor.importlib.metadata, "version", version)
-    assert main(["doctor"]) == 1
-    assert f"missing: {name}\n" in capsys.readouterr().out
+    assert main(words) == 2
+    assert said in capsys.readouterr().err
+    assert main(["build", "--qqqq"]) == 2
+    assert "did you mean" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("kind", ["model", "study"])

@@ -62,6 +62,8 @@ def test_replay_writes_log_and_report_and_one_summary_line(
     assert lines[-1].endswith(f"report {out / 'report.html'}")
     assert _names(out) == {"replay.jsonl", "report.html"}
     _is_offline_report(out / "report.html")
+    assert f"workbench replay {recordings} --" in (out / "report.html").read_text()
+    assert f"--bundle {bundle}" in (out / "report.html").read_text()
     logged = [json.loads(line) for line in (out / "replay.jsonl").read_text().splitlines()]
     assert len(logged) == 32
     assert [entry["t_s"] for entry in logged[1:]] == sorted(entry["t_s"] for entry in logged[1:])

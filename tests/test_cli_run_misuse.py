@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 from collections.abc import Callable
@@ -17,6 +18,9 @@ from decision_fixture import real_files, write_real_bundle
 from recordings_fixture import write_recordings
 
 from workbench.cli.main import main
+from workbench.codegen import MonitorSpec
+from workbench.errors import InputError
+from workbench.models.vehicle import gem_e2
 from workbench.runtime.manifest import CHECKSUM_FILE, MANIFEST_FILE, checksums_text
 
 
@@ -75,7 +79,7 @@ def test_a_vehicle_file_that_cannot_be_is_named(  # noqa: PLR0913
     words = [recordings, "--recording", "peopled"] if command == "replay" else []
     message = refused(command, *words, "--vehicle", path, "--out", out)
     assert said in message
-    assert not out.exists() or not _names(out)
+    assert not out.exists()
 
 
 def test_a_missing_vehicle_file_says_where_one_is(
@@ -86,12 +90,57 @@ def test_a_missing_vehicle_file_says_where_one_is(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("grid", [["--step", "0.07"], ["--horizon", "-1"], ["--step", "nan"]])
+@pytest.mark.parametrize("command", ["build", "replay"])
+@pytest.mark.parametrize(
+    ("grid", "said"),
+    [
+        (["--step", "0.07"], "--step 0.07 = 42.8571 steps; give --horizon 3.01"),
+        (["--step", "4"], "expected --step <= --horizon, got 4 s and 3 s; shorten the step"),
+        (["--horizon", "1e5"], "--horizon: expected at most 60 s, got 100000"),
+        (["--horizon", "60"], "expected at most 2000 steps, got --horizon 60 / --step 0.025"),
+    ],
+)
 def test_an_impossible_grid_is_refused(
-    grid: list[str], tmp_path: Path, refused: Callable[..., str]
+    command: str,
+    grid: list[str],
+    said: str,
+    tmp_path: Path,
+    recordings: Path,
+    refused: Callable[..., str],
 ) -> None:
-    assert "expected" in refused("build", *grid, "--out", tmp_path / "out")
+    words = [recordings, "--recording", "peopled"] if command == "replay" else []
+    assert said in refused(command, *words, *grid, "--out", tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", ["build", "replay"])
+@pytest.mark.parametrize(("option", "value"), [("--horizon", "-3"), ("--step", "nan")])
+def test_an_impossible_number_is_refused_with_its_option(
+    command: str, option: str, value: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [str(tmp_path), "--recording", "a"] if command == "replay" else []
+    assert main([command, *words, option, value, "--out", str(tmp_path / "out")]) == 2
+    assert f"{option}: expected a finite number > 0, got '{value}'" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("horizon_s", "step_s"), [(1e5, 0.025), (61.0, 1.0), (60.0, 0.025), (math.nan, 0.1)]
+)
+def test_a_bundle_too_large_to_compile_is_refused_in_the_library_too(
+    horizon_s: float, step_s: float
+) -> None:
+    with pytest.raises(InputError, match="give"):
+        MonitorSpec(gem_e2(), horizon_s, step_s)
+    assert MonitorSpec(gem_e2(), 50.0, 0.025).steps == 2000
+
+
+def test_a_failed_compilation_leaves_no_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    refused("build", "--horizon", "0.1", "--step", "0.05", "--out", tmp_path / "a" / "b")
+    assert not _names(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +173,7 @@ def test_a_recording_that_cannot_be_read_is_named(
     message = refused("replay", recordings, "--recording", "peopled", "--out", out)
     assert said in message
     assert stem in message
-    assert not _names(out)
+    assert not out.exists()
 
 
 def test_unknown_recordings_and_folders_are_named(
@@ -140,7 +189,7 @@ def test_unknown_recordings_and_folders_are_named(
         "replay", recordings, "--recording", "peopled", "--agent", "bus", "--out", out
     )
     assert "no vehicle 'bus'; it has ego" in message
-    assert not _names(out)
+    assert not out.exists()
 
 
 def _flip(bundle: Path, name: str) -> None:
@@ -190,7 +239,7 @@ def test_a_bundle_that_cannot_be_trusted_is_refused(
     message = refused(*words)
     assert said in message
     assert "workbench build" in message
-    assert not _names(out)
+    assert not out.exists()
 
 
 def test_a_bundle_for_another_vehicle_is_refused(
@@ -203,7 +252,7 @@ def test_a_bundle_for_another_vehicle_is_refused(
     message = refused(*words)
     assert "is for GEM e2 with wheelbase_m = 1.75, the recorded car has 1.7" in message
     assert "leave --bundle out" in message
-    assert not _names(out)
+    assert not out.exists()
 
 
 @pytest.mark.parametrize("command", ["build", "replay", "demo"])

@@ -6,7 +6,7 @@ import argparse
 import math
 import shlex
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar, final
@@ -99,7 +99,7 @@ def add_time_options(parser: argparse.ArgumentParser, *, step_s: float) -> None:
     )
 
 
-def check_steps(args: argparse.Namespace) -> None:
+def check_steps(args: argparse.Namespace, *, most: int = _MOST_STEPS) -> None:
     """Raise InputError where `--horizon` and `--step` ask for a run that would not end."""
     if args.horizon > _LONGEST_S:
         raise InputError(
@@ -111,9 +111,9 @@ def check_steps(args: argparse.Namespace) -> None:
             f"expected --step <= --horizon, got {args.step:g} s and {args.horizon:g} s; "
             "shorten the step or lengthen the horizon"
         )
-    if args.horizon / args.step > _MOST_STEPS:
+    if args.horizon / args.step > most:
         raise InputError(
-            f"expected at most {_MOST_STEPS} steps, got --horizon {args.horizon:g} / --step "
+            f"expected at most {most} steps, got --horizon {args.horizon:g} / --step "
             f"{args.step:g} = {args.horizon / args.step:.3g}; give a longer step"
         )
 
@@ -186,12 +186,15 @@ def writable_file(target: Path | None, option: str) -> None:
         )
 
 
-def command_line(command: str, args: argparse.Namespace) -> str:
-    """The command that makes the same result again, every option written out."""
-    words = ["workbench", command]
+def command_line(command: str, args: argparse.Namespace, *, positional: Sequence[str] = ()) -> str:
+    """The command that makes the same result again, every option written out.
+
+    positional: the arguments that are given without an option, in their order.
+    """
+    words = ["workbench", command, *(str(getattr(args, name)) for name in positional)]
     for name, value in sorted(vars(args).items()):
         option = "--" + name.replace("_", "-")
-        if value is None or value is False or name == "json":
+        if value is None or value is False or name in ("json", *positional):
             continue
         values = value if isinstance(value, list) else [] if value is True else [value]
         words += [option, *map(str, values)]

@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from workbench.cli.common import add_vehicle_option, chosen_vehicle, writable_folder
+from workbench.cli.analysis_options import check_steps, positive
+from workbench.cli.common import add_vehicle_option, chosen_vehicle, output_folder
 from workbench.cli.output import emit
+from workbench.errors import InputError
 
 HELP = (
     "Compiles the monitor of a vehicle file into a bundle: a folder with the shared object, its C "
@@ -19,6 +21,8 @@ EXAMPLE = """\
 workbench build --out out/bundle
 workbench build --vehicle my_shuttle.toml --horizon 3 --step 0.025 --out out/bundle
 """
+
+_WHOLE_S = 1e-9
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -35,27 +39,42 @@ def add_grid_options(parser: argparse.ArgumentParser) -> None:
     """Add `--horizon` and `--step`, the grid of the compiled tube."""
     parser.add_argument(
         "--horizon",
-        type=float,
+        type=positive,
         default=3.0,
         metavar="S",
         help="length of every tube, s (default: 3)",
     )
     parser.add_argument(
         "--step",
-        type=float,
+        type=positive,
         default=0.025,
         metavar="S",
         help="step of the tube, s (default: 0.025)",
     )
 
 
+def check_grid(args: argparse.Namespace) -> None:
+    """Raise InputError where `--horizon` and `--step` make no grid that can be compiled."""
+    from workbench.codegen.bundle import MOST_STEPS
+
+    check_steps(args, most=MOST_STEPS)
+    steps = args.horizon / args.step
+    if abs(round(steps) * args.step - args.horizon) > _WHOLE_S:
+        raise InputError(
+            f"expected a horizon of whole steps, got --horizon {args.horizon:g} / --step "
+            f"{args.step:g} = {steps:.6g} steps; give --horizon {round(steps) * args.step:.12g}"
+        )
+
+
 def run(args: argparse.Namespace) -> int:
     """Build, load and report."""
+    check_grid(args)
     from workbench.codegen import MonitorSpec, build_bundle
     from workbench.runtime import load_bundle
 
     spec = MonitorSpec(chosen_vehicle(args), args.horizon, args.step)
-    folder = build_bundle(spec, writable_folder(args.out))
+    with output_folder(args.out) as out:
+        folder = build_bundle(spec, out)
     manifest = load_bundle(folder).manifest
     size = (folder / "kernel.so").stat().st_size
     text = (

@@ -30,7 +30,15 @@ def chosen_vehicle(args: argparse.Namespace) -> Vehicle:
     """The vehicle that `--vehicle` names, or the shipped one. Raises InputError on a bad file."""
     from workbench.models.vehicle import gem_e2, load_vehicle
 
-    return gem_e2() if args.vehicle is None else load_vehicle(args.vehicle)
+    if args.vehicle is None:
+        return gem_e2()
+    try:
+        return load_vehicle(args.vehicle)
+    except OSError as error:
+        raise InputError(
+            f"--vehicle: expected a vehicle file that can be read, got {args.vehicle} "
+            f"({error.strerror}); name a TOML file, `workbench new vehicle NAME` writes one to edit"
+        ) from error
 
 
 def add_output_option(parser: argparse.ArgumentParser, *, default: str) -> None:
@@ -59,6 +67,21 @@ def writable_folder(folder: Path) -> Path:
             "choose another with --out DIR, or change its permissions"
         ) from error
     return folder
+
+
+@contextlib.contextmanager
+def output_folder(folder: Path) -> Iterator[Path]:
+    """As `writable_folder`; where the block fails, folders made for it and still empty go again."""
+    made = [each for each in (folder, *folder.parents) if not each.exists()]
+    try:
+        yield writable_folder(folder)
+    except BaseException:
+        for each in made:
+            try:
+                each.rmdir()
+            except OSError:
+                break
+        raise
 
 
 @contextlib.contextmanager

@@ -20,7 +20,8 @@ from workbench.runtime.floats import float_mode_fault
 
 HELP = (
     "Lists Python, packages, compilers, optional tools, the machine and its floating-point mode. "
-    "Exit status 1 when something is missing that deriving and building need."
+    "Exit status 1 when something is missing that the installed extras need; the base install, "
+    "which runs a finished bundle, is complete without the analysis extra and without a compiler."
 )
 EXAMPLE = """\
 workbench doctor
@@ -45,6 +46,12 @@ PACKAGES: Final = {
     "commonroad": ("commonroad-io",),
     "dev": ("pytest", "hypothesis", "ruff", "mypy", "import-linter", "python-flint"),
 }
+# numpy, scipy and matplotlib come with many other things and tell nothing.
+_TELLS_ANALYSIS: Final = ("casadi", "control", "cvxpy", "clarabel", "filterpy")
+_NO_ANALYSIS: Final = (
+    "analysis extra not installed (needed for derive, build, replay, demo): "
+    "pip install 'reach-workbench[analysis]'"
+)
 COMPILERS: Final = ("cc", "gcc", "clang")
 OPTIONAL_TOOLS: Final = {
     "make": ("make",),
@@ -54,7 +61,7 @@ OPTIONAL_TOOLS: Final = {
 
 
 class State(enum.Enum):
-    """How a finding bears on the main job: proving a bound and compiling it."""
+    """How a finding bears on what the installed extras are for."""
 
     PRESENT = "ok"
     ABSENT = "-"
@@ -78,21 +85,26 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the findings; 0 when the main job can be done here, 1 when not."""
-    findings = [*_interpreter(), *_packages(), *_compilers(), *_tools(), *_floating_point()]
+    """Print the findings; 0 when all that the installed extras need is here, 1 when not."""
+    analysis = any(map(_version, _TELLS_ANALYSIS))
+    findings = [
+        *_interpreter(), *_packages(analysis=analysis), *_compilers(needed=analysis), *_tools(),
+        *_floating_point(),
+    ]  # fmt: skip
     missing = [finding for finding in findings if finding.state is State.MISSING]
     data = {
         "workbench": __version__,
         "machine": platform.machine(),
         "system": platform.platform(),
         "ready": not missing,
+        "analysis_installed": analysis,
         "findings": findings,
     }
-    emit(args, _text(findings, missing), data)
+    emit(args, _text(findings, missing, analysis=analysis), data)
     return 1 if missing else 0
 
 
-def _text(findings: list[Finding], missing: list[Finding]) -> str:
+def _text(findings: list[Finding], missing: list[Finding], *, analysis: bool) -> str:
     lines = [f"workbench {__version__} on {platform.machine()}, {platform.platform()}"]
     group = ""
     for finding in findings:
@@ -104,8 +116,12 @@ def _text(findings: list[Finding], missing: list[Finding]) -> str:
     lines.append("")
     if missing:
         lines.append("missing: " + ", ".join(finding.name for finding in missing))
-    else:
+    elif analysis:
         lines.append("ready: everything that deriving, building and replaying need is here")
+    else:
+        lines.append("ready: everything that the base install, running a bundle, needs is here")
+    if not analysis:
+        lines.append(_NO_ANALYSIS)
     return "\n".join(lines)
 
 
@@ -122,28 +138,35 @@ def _interpreter() -> list[Finding]:
     return [Finding("Python", "python", state, platform.python_version(), mend)]
 
 
-def _packages() -> list[Finding]:
+def _version(package: str) -> str:
+    """Its version; '' when it is absent."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return ""
+
+
+def _packages(*, analysis: bool) -> list[Finding]:
+    needed = ("base", "analysis") if analysis else ("base",)
     findings = []
     for extra, names in PACKAGES.items():
         target = "reach-workbench" if extra == "base" else f"reach-workbench[{extra}]"
         for name in names:
-            try:
-                version, mend = importlib.metadata.version(name), ""
-            except importlib.metadata.PackageNotFoundError:
-                version, mend = "absent", f"pip install '{target}'"
-            state = _judged(not mend, needed=extra in ("base", "analysis"))
-            findings.append(Finding(f"packages, {extra}", name, state, version, mend))
+            version = _version(name)
+            mend = "" if version else f"pip install '{target}'"
+            state = _judged(bool(version), needed=extra in needed)
+            findings.append(Finding(f"packages, {extra}", name, state, version or "absent", mend))
     return findings
 
 
-def _compilers() -> list[Finding]:
+def _compilers(*, needed: bool) -> list[Finding]:
     working = {name: version for name in COMPILERS if (version := _compiler_version(name))}
     findings = []
     for name in COMPILERS:
         mend = (
             "" if name in working else "optional" if working else "sudo apt install gcc libc6-dev"
         )
-        state = _judged(name in working, needed=not working)
+        state = _judged(name in working, needed=needed and not working)
         found = working.get(name, "absent, or cannot build a shared object")
         findings.append(Finding("C compilers", name, state, found, mend))
     return findings

@@ -19,12 +19,13 @@ from workbench.cli.analysis_options import (
     text_table,
     writable_file,
 )
-from workbench.cli.output import Progress, emit
+from workbench.cli.output import Progress, emit, warn
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
     from workbench.sensitivity import Discrepancy
     from workbench.sensitivity.learned import ExponentialEnvelope
+    from workbench.sensitivity.scenario import ScenarioStatement
 
 HELP = (
     "Learns a bound on the spread from pairs of sampled trajectories (DryVR's exponentials), and "
@@ -36,6 +37,8 @@ workbench learn --epsilon 0.001 --delta 1e-6 --seed 7
 """
 
 _MOST_PAIRS: Final = 2_000_000
+_LITTLE: Final = 0.5
+_USUAL: Final = 0.05
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -81,7 +84,21 @@ def run(args: argparse.Namespace) -> int:
 
         save_learned(args.save, bound, subject)
     emit(args, _text(args, subject, bound, envelope), _data(args, subject, bound, envelope))
+    if envelope.evidence.epsilon >= _LITTLE:
+        warn(_too_few(envelope.evidence))
     return 0
+
+
+def _too_few(evidence: ScenarioStatement) -> str:
+    from workbench.sensitivity.scenario import pairs_needed
+
+    needed = pairs_needed(_USUAL, delta=evidence.delta, parameters=evidence.parameters)
+    promised = "nothing" if evidence.epsilon >= 1.0 else "almost nothing"
+    return (
+        f"{evidence.pairs} pairs promise {promised}: the probability that a further pair leaves "
+        f"the bound is only known to be at most {evidence.epsilon:.3g}; for at most {_USUAL:g} "
+        f"give --pairs {needed} (or --epsilon {_USUAL:g})"
+    )
 
 
 def learned_bound(

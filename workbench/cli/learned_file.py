@@ -20,6 +20,10 @@ from workbench.sensitivity.witness import Witness
 
 _LEARNED: Final = "learned discrepancy 1"
 _WITNESS: Final = "witness 1"
+_MADE_BY: Final = {
+    _LEARNED: "a learned bound, written by `workbench learn --save FILE`",
+    _WITNESS: "a witness, written by `workbench examine` as witness.json",
+}
 
 
 def save_learned(target: Path, bound: Discrepancy, subject: Subject) -> None:
@@ -145,13 +149,17 @@ def _document(path: Path, kind: str) -> dict[str, Any]:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise InputError(f"{path}: no such file; expected one that holds a {kind}") from None
+        raise InputError(f"{path}: no such file; expected {_MADE_BY[kind]}") from None
+    except OSError as error:
+        raise InputError(f"{path}: expected {_MADE_BY[kind]}, got {error.strerror}") from None
     except ValueError as error:
-        raise InputError(f"{path}: expected JSON, but: {error}; make the file again") from None
+        raise InputError(
+            f"{path}: expected {_MADE_BY[kind]}, but it is not JSON ({error}); make it again"
+        ) from None
     if not isinstance(document, dict) or document.get("format") != kind:
         raise InputError(
-            f"{path}: expected a JSON object with the format {kind!r}; make it with `workbench "
-            "learn --save FILE` or `workbench examine`"
+            f'{path}: expected {_MADE_BY[kind]}, got JSON without "format": "{kind}"; '
+            "name another file or make it again"
         )
     return document
 

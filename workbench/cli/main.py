@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import importlib
 import os
 import sys
@@ -10,9 +11,10 @@ import textwrap
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, final
+from typing import Final, NoReturn, final
 
 from workbench import __version__
+from workbench.cli.interruption import check, stoppable
 from workbench.errors import InputError
 
 COMMANDS: Final = {
@@ -66,7 +68,7 @@ class Command:
 
     def parser(self) -> argparse.ArgumentParser:
         """Its argument parser, with `--json` and the example below the options."""
-        parser = argparse.ArgumentParser(
+        parser = _Parser(
             prog=f"workbench {self.name}",
             description=self.help,
             epilog="example:\n" + textwrap.indent(textwrap.dedent(self.example).strip(), "  "),
@@ -78,6 +80,27 @@ class Command:
             "--json", action="store_true", help="write the result as JSON to standard output"
         )
         return parser
+
+
+class _Parser(argparse.ArgumentParser):
+    """Adds the nearest option to the message about one that does not exist."""
+
+    given: Sequence[str] = ()
+
+    def parse_known_args(self, args=None, namespace=None):  # type: ignore[no-untyped-def]
+        """As the base class does; remembers the words for `error`."""
+        self.given = tuple(args or ())
+        return super().parse_known_args(args, namespace)
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with exit status 2 and the message, with a hint for every misspelt option."""
+        known = list(self._option_string_actions)
+        for word in self.given:
+            option = word.partition("=")[0]
+            if option.startswith("--") and option not in ("--", *known):
+                near = difflib.get_close_matches(option, known, n=1)
+                message += f"; {option}: did you mean {near[0]}?" if near else ""
+        super().error(message)
 
 
 def load_command(name: str) -> Command:
@@ -119,29 +142,41 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     name = arguments[0] if arguments else ""
     try:
-        status = _dispatch(name, arguments[1:])
+        with stoppable():
+            status = _answer(name, arguments[1:])
+            check()
+            return status
+    except KeyboardInterrupt:
+        return _fail(name, "interrupted", INTERRUPTED)
+
+
+def _answer(name: str, rest: list[str]) -> int:
+    try:
+        status = _dispatch(name, rest)
         sys.stdout.flush()
         return status
     except SystemExit as leaving:  # argparse leaves this way after --help and on wrong options
         return leaving.code if isinstance(leaving.code, int) else DONE
-    except KeyboardInterrupt:
-        return _fail(name, "interrupted", INTERRUPTED)
     except BrokenPipeError:
         # The interpreter flushes standard output once more while it shuts down.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return READER_GONE
-    except InputError as error:
+    except Exception as error:
+        check()  # what a stop leaves behind it is neither wrong use nor a defect
+        return _explain(name, error)
+
+
+def _explain(name: str, error: Exception) -> int:
+    if isinstance(error, InputError):
         return _fail(name, str(error), WRONG_USE)
-    except OSError as error:
+    if isinstance(error, OSError):
         return _fail(name, _describe(error), WRONG_USE)
-    except ImportError as error:
+    if isinstance(error, ImportError):
         missing = (error.name or "").partition(".")[0]
         for extra, packages in PACKAGES_OF_EXTRAS.items():
             if missing in packages:
                 return _lacks_extra(name, extra, missing)
-        return _defect(name)
-    except Exception:
-        return _defect(name)
+    return _defect(name)
 
 
 def _dispatch(name: str, rest: list[str]) -> int:
@@ -158,8 +193,6 @@ def _dispatch(name: str, rest: list[str]) -> int:
 
 
 def _unknown(name: str) -> str:
-    import difflib
-
     known = ", ".join(COMMANDS)
     if not name:
         return f"expected a command, got none; the commands are {known}"

@@ -14,13 +14,19 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import Final, Self, TextIO, final
 
+from workbench.cli.interruption import check
+
 _BAR_WIDTH: Final = 30
 _SECONDS_BETWEEN_DRAWINGS: Final = 0.1
 _SECONDS_BETWEEN_LINES: Final = 5.0
 
 
 def emit(args: argparse.Namespace, text: str, data: object) -> None:
-    """Print `text`, or with `--json` print `data` as one JSON document instead."""
+    """Print `text`, or with `--json` print `data` as one JSON document instead.
+
+    Raises KeyboardInterrupt after a Ctrl-C that was lost on its way: the result may be spoilt.
+    """
+    check()
     print(json.dumps(plain(data), indent=2, allow_nan=False) if args.json else text)
 
 
@@ -78,7 +84,8 @@ class Progress:
         return self
 
     def advance(self, steps: int = 1) -> None:
-        """Count `steps` more as done."""
+        """Count `steps` more as done. Raises KeyboardInterrupt after a Ctrl-C that was lost."""
+        check()
         self._done = min(self._done + steps, self._total)
         pause_s = _SECONDS_BETWEEN_DRAWINGS if self._in_place else _SECONDS_BETWEEN_LINES
         if time.monotonic() - self._drawn_s >= pause_s:

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workbench import __version__
-from workbench.cli.build import add_grid_options
+from workbench.cli.analysis_options import command_line
+from workbench.cli.build import add_grid_options, check_grid
 from workbench.cli.common import (
     add_output_option,
     add_vehicle_option,
     chosen_vehicle,
-    writable_folder,
+    output_folder,
 )
 from workbench.cli.output import Progress, emit
 from workbench.errors import InputError
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from workbench.models.vehicle import Vehicle
     from workbench.report.tables import Table
     from workbench.runtime import Bundle
+    from workbench.runtime.path import PathTable
+    from workbench.simulation.recording import Recording
     from workbench.simulation.replay import ReplayResult, ReplaySettings
 
 HELP = (
@@ -30,7 +33,8 @@ HELP = (
     "and "
     "report.html. Columns of the recordings: docs/data-format.md. Without --bundle one is built "
     "from "
-    "the vehicle's gains and the recording's own shape (analysis extra)."
+    "the vehicle's gains and the recording's own shape. Needs the analysis extra with or without "
+    "--bundle, to read recordings and to draw the report."
 )
 EXAMPLE = """\
 workbench replay recordings/kitti --recording kitti_0000 --out out/replay
@@ -60,63 +64,82 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Replay, write log and report, print the summary."""
-    from workbench.report.page import write_page
-    from workbench.report.replay import ReplayReport, replay_page
-    from workbench.runtime import Monitor
+    """Check the input, then replay, write log and report, and print the summary."""
     from workbench.simulation.recording import load_recording
-    from workbench.simulation.replay import ReplaySettings, replay, replay_path, replay_vehicle
-    from workbench.simulation.runlog import write_log
+    from workbench.simulation.replay import ReplaySettings, replay_path, replay_vehicle
 
-    out = writable_folder(args.out)
+    check_grid(args)
     recording = load_recording(args.folder, args.recording, agent=args.agent)
     settings = ReplaySettings.instrumented_car()
     path = replay_path(recording, settings)
     vehicle = replay_vehicle(recording, chosen_vehicle(args), settings)
-    bundle = _bundle(args, vehicle)
+    given = None if args.bundle is None else _given_bundle(args.bundle, vehicle)
+    with output_folder(args.out) as out:
+        bundle = given or _built_bundle(args, vehicle)
+        result = _replayed(recording, path, bundle, settings)
+        _write(args, out, result, _settings_table(bundle, settings), bundle)
+    emit(args, f"{result.summary_line()}\nlog {out / 'replay.jsonl'}, report {out / 'report.html'}",
+         _data(result, out))  # fmt: skip
+    return 0
+
+
+def _replayed(
+    recording: Recording, path: PathTable, bundle: Bundle, settings: ReplaySettings
+) -> ReplayResult:
+    from workbench.runtime import Monitor
+    from workbench.simulation.replay import replay
+
     monitor = Monitor(bundle, path, release_steps=_RELEASE_STEPS, clearance_required_m=_CLEARANCE_M)
     with Progress("replay", len(recording.vehicle)) as bar:
 
         def advance(_done: int, _total: int) -> None:
             bar.advance()
 
-        result = replay(recording, monitor, settings=settings, progress=advance)
-    table = _settings_table(bundle, settings)
+        return replay(recording, monitor, settings=settings, progress=advance)
+
+
+def _write(
+    args: argparse.Namespace, out: Path, result: ReplayResult, table: Table, bundle: Bundle
+) -> None:
+    from workbench.report.page import write_page
+    from workbench.report.replay import ReplayReport, replay_page
+    from workbench.simulation.runlog import write_log
+
     header = {
-        "recording": recording.name,
+        "recording": result.recording,
         "settings": {str(row[0]): row[1] for row in table.rows},
         "notes": result.notes,
     }
     write_log(out / "replay.jsonl", header, result.entries)
     report = ReplayReport(
-        recording.name, result.summary_line(), tuple(e.frame for e in result.entries), table,
+        result.recording, result.summary_line(), tuple(e.frame for e in result.entries), table,
         (), result.notes, bundle.manifest.assumptions,
     )  # fmt: skip
-    command = f"workbench replay FOLDER --recording {recording.name}"
+    command = command_line("replay", args, positional=("folder",))
     write_page(
         out / "report.html", replay_page(report, version=__version__, command=command).html()
     )
-    emit(args, f"{result.summary_line()}\nlog {out / 'replay.jsonl'}, report {out / 'report.html'}",
-         _data(result, out))  # fmt: skip
-    return 0
 
 
-def _bundle(args: argparse.Namespace, vehicle: Vehicle) -> Bundle:
+def _built_bundle(args: argparse.Namespace, vehicle: Vehicle) -> Bundle:
+    from workbench.codegen import MonitorSpec, build_bundle
     from workbench.runtime import load_bundle
 
-    if args.bundle is None:
-        from workbench.codegen import MonitorSpec, build_bundle
+    spec = MonitorSpec(vehicle, args.horizon, args.step)
+    with tempfile.TemporaryDirectory(prefix="workbench-") as folder:
+        return load_bundle(build_bundle(spec, Path(folder) / "bundle"))
 
-        with tempfile.TemporaryDirectory(prefix="workbench-") as folder:
-            spec = MonitorSpec(vehicle, args.horizon, args.step)
-            return load_bundle(build_bundle(spec, Path(folder) / "bundle"))
-    bundle = load_bundle(args.bundle)
+
+def _given_bundle(folder: Path, vehicle: Vehicle) -> Bundle:
+    from workbench.runtime import load_bundle
+
+    bundle = load_bundle(folder)
     built, driven = bundle.manifest.vehicle, vehicle.geometry
     for key in ("wheelbase_m", "front_m", "rear_m", "half_width_m"):
         have, want = getattr(built, key), getattr(driven, key)
         if abs(have - want) > _GEOMETRY_TOLERANCE_M:
             raise InputError(
-                f"the bundle {args.bundle} is for {built.name} with {key} = {have:g}, the recorded "
+                f"the bundle {folder} is for {built.name} with {key} = {have:g}, the recorded "
                 "car has "
                 f"{want:g}; leave --bundle out to build one for it, or build one from a vehicle "
                 "file with "

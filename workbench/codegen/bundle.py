@@ -38,6 +38,9 @@ from workbench.sets import Box
 # The kernel takes curvature from the path table; the model's own interval is a placeholder.
 _ANY_CURVATURE = PathFrame(-0.5, 0.5)
 _MERGE_STEPS = 1
+# Every step is a row of the result and of the tables; memory and compile time follow.
+LONGEST_S = 60.0
+MOST_STEPS = 2000
 # A station is a place along the path: the path table limits it, not the proof.
 _STATIONS_M = (-1e6, 1e6)
 
@@ -93,7 +96,14 @@ class MonitorSpec:
     def __post_init__(self) -> None:
         if not (0 < self.step_s <= self.horizon_s and math.isfinite(self.horizon_s)):
             raise InputError(
-                f"expected 0 < step_s <= horizon_s, got {self.step_s!r} and {self.horizon_s!r}"
+                f"expected 0 < step_s <= horizon_s, got {self.step_s!r} and {self.horizon_s!r}; "
+                "give both in seconds, the step no longer than the horizon"
+            )
+        if self.horizon_s > LONGEST_S or self.horizon_s / self.step_s > MOST_STEPS + 0.5:
+            raise InputError(
+                f"expected a horizon of at most {LONGEST_S:g} s and {MOST_STEPS} steps, got "
+                f"{self.horizon_s:g} s in steps of {self.step_s:g} s; give a shorter horizon or a "
+                "longer step"
             )
         if abs(self.steps * self.step_s - self.horizon_s) > 1e-9:
             raise InputError(

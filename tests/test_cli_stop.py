@@ -1,0 +1,136 @@
+"""Ctrl-C ends every command with status 130 within seconds and leaves nothing half-written."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from workbench.cli import interruption
+from workbench.cli.main import main
+from workbench.cli.output import Progress
+
+pytest.importorskip("casadi", reason="needs the optional package casadi")
+
+ROOT = Path(__file__).parent.parent
+_FEW_S = 5.0
+
+
+@pytest.fixture(autouse=True)
+def _interrupts_arrive() -> Iterator[None]:
+    """Undo what a shell does to background jobs: they ignore SIGINT, and hand that on."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def _start(folder: Path, *words: str, program: str = "") -> subprocess.Popen[str]:
+    where = ["-c", program] if program else ["-m", "workbench.cli.main", *words]
+    return subprocess.Popen(
+        [sys.executable, *where],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(folder)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize("after_s", [0.8, 1.5, 2.0])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("reach", "--system", "b2", "--step", "0.0005", "--csv", "out/tube.csv"),
+        ("demo", "--out", "out/demo"),
+    ],
+)
+def test_an_interrupt_ends_the_command(
+    words: tuple[str, ...], after_s: float, tmp_path: Path
+) -> None:
+    running = _start(tmp_path, *words)
+    time.sleep(after_s)
+    assert running.poll() is None
+    running.send_signal(signal.SIGINT)
+    sent_s = time.monotonic()
+    out, err = running.communicate(timeout=60)
+    assert running.returncode == 130, err
+    assert time.monotonic() - sent_s < _FEW_S
+    assert (out, err.splitlines()[-1]) == ("", f"workbench {words[0]}: interrupted")
+    assert "Traceback" not in err
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+_CLEARED = """
+import argparse, signal, sys, time, types
+from workbench.cli.main import main
+module = types.ModuleType("workbench.cli.derive")
+module.HELP, module.EXAMPLE, module.configure = "Stands in.", "workbench derive", lambda p: None
+def run(args):
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        pass
+    {then}
+module.run = run
+sys.modules[module.__name__] = module
+sys.exit(main(["derive"]))
+"""
+
+
+@pytest.mark.parametrize(
+    "then",
+    [
+        "time.sleep(30)",
+        "return 0",
+        "raise RuntimeError('spoilt')",
+        "from workbench.cli.output import emit; emit(args, 'spoilt', {})",
+    ],
+)
+def test_an_interrupt_that_was_cleared_comes_back(then: str, tmp_path: Path) -> None:
+    running = _start(tmp_path, program=_CLEARED.replace("{then}", then))
+    out, err = running.communicate(timeout=20)
+    assert running.returncode == 130, err
+    assert (out, "Traceback" in err) == ("", False)
+
+
+def test_the_second_interrupt_ends_the_process_at_once(tmp_path: Path) -> None:
+    again = "[signal.raise_signal(signal.SIGINT), time.sleep(30)]"
+    running = _start(tmp_path, program=_CLEARED.replace("{then}", again))
+    running.communicate(timeout=20)
+    assert running.returncode == -signal.SIGINT
+
+
+def test_cleaning_up_is_not_interrupted_again() -> None:
+    steps = []
+    with pytest.raises(KeyboardInterrupt), interruption.stoppable():
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            for step in range(4):
+                time.sleep(0.06)
+                steps.append(step)
+    assert steps == [0, 1, 2, 3]
+
+
+def test_the_signals_are_given_back() -> None:
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGALRM)
+    assert main(["--version"]) == 0
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGALRM)) == before
+    with interruption.stoppable(), Progress("quiet", 2) as bar:
+        bar.advance()
+
+
+def test_an_ignored_interrupt_stays_ignored() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with interruption.stoppable():
+            signal.raise_signal(signal.SIGINT)
+            interruption.check()
+    finally:
+        signal.signal(signal.SIGINT, before)
