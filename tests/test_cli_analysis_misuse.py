@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -55,7 +56,7 @@ COMMANDS = ("derive", "learn", "examine --out {tmp}", "reach", "gains")
         ("learn --pairs 5 --epsilon 0.1", "not allowed with argument"),
         ("learn --system b1 --step 0.7", "expected a horizon of whole steps"),
         ("examine --out {tmp} --learned none.json", "none.json: no such file"),
-        ("examine --out {tmp} --learned " + BROKEN_FILE, "expected JSON, but: "),
+        ("examine --out {tmp} --learned " + BROKEN_FILE, "but it is not JSON"),
         ("examine --replay none.json", "none.json: no such file"),
     ],
 )
@@ -98,7 +99,7 @@ def test_a_wrong_vehicle_file_is_refused_in_words(
         ({"horizon_s": "soon"}, "could not convert string to float"),
         ({"horizon_s": 0.1}, "pass --horizon 0.1 or learn again"),
         ({"statement": None}, "expected the file as it was written"),
-        ({"format": "another"}, "format 'learned discrepancy 1'"),
+        ({"format": "another"}, 'without "format": "learned discrepancy 1"'),
         ({"loop": {}}, "expected a file made with the loop of B1-small, got another"),
     ],
 )
@@ -131,7 +132,7 @@ def test_a_missing_learned_bound_says_what_writes_one(tmp_path: Path) -> None:
 def test_too_few_pairs_are_warned_about(pairs: int, promised: str) -> None:
     result = invoke("learn", *SHORT, "--pairs", pairs)
     assert result.status == 0
-    needed = re.search(rf"{pairs} pairs promise {promised}: .* give --pairs (\d+)", result.err)
+    needed = re.search(rf"--pairs {pairs} promises {promised}: .* give --pairs (\d+)", result.err)
     assert needed, result.err
     enough = invoke("learn", *SHORT, "--pairs", needed[1], "--json")
     assert "promise" not in enough.err

@@ -95,7 +95,7 @@ def _too_few(evidence: ScenarioStatement) -> str:
     needed = pairs_needed(_USUAL, delta=evidence.delta, parameters=evidence.parameters)
     promised = "nothing" if evidence.epsilon >= 1.0 else "almost nothing"
     return (
-        f"{evidence.pairs} pairs promise {promised}: the probability that a further pair leaves "
+        f"--pairs {evidence.pairs} promises {promised}: the probability that a further pair leaves "
         f"the bound is only known to be at most {evidence.epsilon:.3g}; for at most {_USUAL:g} "
         f"give --pairs {needed} (or --epsilon {_USUAL:g})"
     )

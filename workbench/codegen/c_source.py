@@ -161,7 +161,8 @@ def _map_columns(phi: ca.Sparsity) -> str:
     loads = [f"    const double v{i} = from[{i} * WB_COLUMNS + c];" for i in range(n)]
     stores = [f"    to[{i} * WB_COLUMNS + c] = {' + '.join(terms[i]) or '0.0'};" for i in range(n)]
     return "\n".join([
-        "WB_WIDE static void wb_map_columns(const double *restrict phi, const double *restrict from,",
+        "WB_WIDE static void",
+        "wb_map_columns(const double *restrict phi, const double *restrict from,",
         "                           double *restrict to, int count) {", "  int c;",
         "  for (c = 0; c < count; ++c) {", *loads, *stores, "  }", "}",
     ])  # fmt: skip
