@@ -13,6 +13,7 @@ parameters, so that CasADi cannot merge them ((0.1 x) 0.3 would become 0.03 x).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import final
 
@@ -216,6 +217,8 @@ class _Builder:
         return self._kink(driver, floor, values[limit])
 
     def _constant(self, value: float) -> ca.SX:
+        if not math.isfinite(value):
+            raise InputError(f"the field holds the constant {value}; expected finite constants")
         if value in _FOLDS_EXACTLY:
             return ca.SX(value)
         if value not in self.constant_values:
