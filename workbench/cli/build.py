@@ -6,16 +6,19 @@ import argparse
 from pathlib import Path
 
 from workbench.cli.analysis_options import check_steps, positive
-from workbench.cli.common import add_vehicle_option, chosen_vehicle, output_folder
+from workbench.cli.common import (
+    MONITOR_STEP_S,
+    add_vehicle_option,
+    chosen_vehicle,
+    output_folder,
+)
 from workbench.cli.output import emit
 from workbench.errors import InputError
 
 HELP = (
     "Compiles the monitor of a vehicle file into a bundle: a folder with the shared object, its C "
-    "text, "
-    "a manifest with golden vectors, and checksums. The bundle is loaded and tried before success "
-    "is "
-    "reported."
+    "text, a manifest with golden vectors, and checksums. The bundle is loaded and tried before "
+    "success is reported."
 )
 EXAMPLE = """\
 workbench build --out out/bundle
@@ -47,9 +50,9 @@ def add_grid_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--step",
         type=positive,
-        default=0.025,
+        default=MONITOR_STEP_S,
         metavar="S",
-        help="step of the tube, s (default: 0.025)",
+        help=f"step of the tube, s (default: {MONITOR_STEP_S:g})",
     )
 
 

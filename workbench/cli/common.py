@@ -15,6 +15,12 @@ from workbench.errors import InputError
 if TYPE_CHECKING:
     from workbench.models.vehicle import Vehicle
 
+# What the commands give a monitor: the tube's grid, the SAFE verdicts in a row that end braking
+# (below five the decision chatters while somebody crosses), and the distance SAFE must prove.
+MONITOR_STEP_S = 0.025
+RELEASE_STEPS = 5
+CLEARANCE_REQUIRED_M = 0.2
+
 
 def add_vehicle_option(parser: argparse.ArgumentParser) -> None:
     """Add `--vehicle FILE`; `chosen_vehicle` reads it."""

@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING, final
 
 from workbench import __version__
 from workbench.cli.common import (
+    CLEARANCE_REQUIRED_M,
+    MONITOR_STEP_S,
+    RELEASE_STEPS,
     add_output_option,
     add_vehicle_option,
     chosen_vehicle,
-    writable_folder,
+    output_folder,
 )
 from workbench.cli.output import Progress, emit, warn
 
@@ -38,12 +41,10 @@ workbench demo --vehicle my_shuttle.toml --out out/my_demo
 _HORIZON_S = 3.0
 # Tube and runs share one grid: coarser runs err by more than the tube has slack where the loop is
 # linear, and would look like an escape.
-_STEP_S = 0.025
+_STEP_S = MONITOR_STEP_S
 _PAIRS = 400
 _SAMPLES = 2000
 _SEED = 1
-_RELEASE_STEPS = 5
-_CLEARANCE_M = 0.2
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -55,13 +56,24 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the chain and report; every stage is a step of the progress bar."""
     from workbench.models.control_view import quick_study
+
+    vehicle = chosen_vehicle(args)
+    for text in quick_study(vehicle).warnings:
+        warn(text)
+    with output_folder(args.out) as out:
+        found, report = _chain(vehicle, out)
+    tube = found.tube
+    if not tube.complete:
+        warn(f"the tube is not complete ({tube.message}); proved bounds are left out")
+    text = "\n".join([*report.lead, f"report: {out / 'report.html'}"])
+    emit(args, text, _data(found.examination, found.crossing, tube, out))
+    return 0 if tube.complete else 1
+
+
+def _chain(vehicle: Vehicle, out: Path) -> tuple[_Findings, DemoReport]:
     from workbench.report.demo import demo_page
     from workbench.report.page import write_page
 
-    vehicle = chosen_vehicle(args)
-    out = writable_folder(args.out)
-    for text in quick_study(vehicle).warnings:
-        warn(text)
     subject = _subject(vehicle)
     with Progress("demo", 6) as bar:
         tube = _tube(subject)
@@ -80,11 +92,7 @@ def run(args: argparse.Namespace) -> int:
         page = demo_page(report, version=__version__, command="workbench demo")
         write_page(out / "report.html", page.html())
         bar.advance()
-    if not tube.complete:
-        warn(f"the tube is not complete ({tube.message}); proved bounds are left out")
-    text = "\n".join([*report.lead, f"report: {out / 'report.html'}"])
-    emit(args, text, _data(examination, crossing, tube, out))
-    return 0 if tube.complete else 1
+    return found, report
 
 
 @final
@@ -191,8 +199,8 @@ def _crossing(vehicle: Vehicle, bundle: Bundle) -> CrossingResult:
 
     crossing = Crossing.standard(vehicle, seed=_SEED)
     monitor = Monitor(
-        bundle, crossing.path_table(), release_steps=_RELEASE_STEPS,
-        clearance_required_m=_CLEARANCE_M,
+        bundle, crossing.path_table(), release_steps=RELEASE_STEPS,
+        clearance_required_m=CLEARANCE_REQUIRED_M,
     )  # fmt: skip
     return simulate(crossing, monitor)
 

@@ -18,7 +18,7 @@ from workbench.cli.analysis_options import (
     count,
     text_table,
 )
-from workbench.cli.common import add_output_option, writable_folder
+from workbench.cli.common import add_output_option, output_folder
 from workbench.cli.learn import add_sample_options, learned_bound
 from workbench.cli.output import Progress, emit, warn
 from workbench.errors import InputError
@@ -98,7 +98,6 @@ def run(args: argparse.Namespace) -> int:
     check_steps(args)
     if args.replay:
         return _replay(args)
-    folder = writable_folder(args.out)
     from workbench.cli.learned_file import load_learned, save_witness
     from workbench.sensitivity import ExaminationVerdict
 
@@ -113,10 +112,11 @@ def run(args: argparse.Namespace) -> int:
             )
     else:
         learned, _ = learned_bound(args, subject)
-    outcome = _outcome(args, subject, learned)
-    found = outcome.found
-    save_witness(folder / "witness.json", found.witness, subject, verdict=found.verdict.name)
-    _write_page(args, outcome, folder / "examine.html")
+    with output_folder(args.out) as folder:
+        outcome = _outcome(args, subject, learned)
+        found = outcome.found
+        save_witness(folder / "witness.json", found.witness, subject, verdict=found.verdict.name)
+        _write_page(args, outcome, folder / "examine.html")
     emit(args, _text(args, outcome), _data(args, outcome))
     for doubt in _doubts(outcome):
         warn(doubt)

@@ -12,6 +12,8 @@ from workbench import __version__
 from workbench.cli.analysis_options import command_line
 from workbench.cli.build import add_grid_options, check_grid
 from workbench.cli.common import (
+    CLEARANCE_REQUIRED_M,
+    RELEASE_STEPS,
     add_output_option,
     add_vehicle_option,
     chosen_vehicle,
@@ -30,19 +32,14 @@ if TYPE_CHECKING:
 
 HELP = (
     "Runs a monitor over one recording, sample by sample in time order, and writes replay.jsonl "
-    "and "
-    "report.html. Columns of the recordings: docs/data-format.md. Without --bundle one is built "
-    "from "
-    "the vehicle's gains and the recording's own shape. Needs the analysis extra with or without "
-    "--bundle, to read recordings and to draw the report."
+    "and report.html. Columns of the recordings: docs/data-format.md. Without --bundle one is "
+    "built from the vehicle's gains and the recording's own shape. Needs the analysis extra with "
+    "or without --bundle, to read recordings and to draw the report."
 )
 EXAMPLE = """\
 workbench replay recordings/kitti --recording kitti_0000 --out out/replay
 workbench replay recordings/kitti --recording kitti_0013 --bundle out/bundle
 """
-# Verdicts in a row before a release; below five the decision chatters while somebody crosses.
-_RELEASE_STEPS = 5
-_CLEARANCE_M = 0.2
 _GEOMETRY_TOLERANCE_M = 1e-3
 
 
@@ -89,7 +86,9 @@ def _replayed(
     from workbench.runtime import Monitor
     from workbench.simulation.replay import replay
 
-    monitor = Monitor(bundle, path, release_steps=_RELEASE_STEPS, clearance_required_m=_CLEARANCE_M)
+    monitor = Monitor(
+        bundle, path, release_steps=RELEASE_STEPS, clearance_required_m=CLEARANCE_REQUIRED_M
+    )
     with Progress("replay", len(recording.vehicle)) as bar:
 
         def advance(_done: int, _total: int) -> None:
@@ -103,8 +102,11 @@ def _write(
 ) -> None:
     from workbench.report.page import write_page
     from workbench.report.replay import ReplayReport, replay_page
+    from workbench.simulation.replay import OPEN_LOOP
     from workbench.simulation.runlog import write_log
 
+    # The page says on its own, and first of all, that replay is open-loop.
+    notes = tuple(note for note in result.notes if note != OPEN_LOOP)
     header = {
         "recording": result.recording,
         "settings": {str(row[0]): row[1] for row in table.rows},
@@ -113,7 +115,7 @@ def _write(
     write_log(out / "replay.jsonl", header, result.entries)
     report = ReplayReport(
         result.recording, result.summary_line(), tuple(e.frame for e in result.entries), table,
-        (), result.notes, bundle.manifest.assumptions,
+        (), notes, bundle.manifest.assumptions,
     )  # fmt: skip
     command = command_line("replay", args, positional=("folder",))
     write_page(
@@ -159,8 +161,8 @@ def _settings_table(bundle: Bundle, settings: ReplaySettings) -> Table:
         ("machine", manifest.machine),
         ("tube", f"{manifest.steps} steps of {manifest.step_s:g} s, rigor {manifest.rigor.name}"),
         ("wheelbase", f"{manifest.vehicle.wheelbase_m:g} m"),
-        ("release", f"{_RELEASE_STEPS} SAFE in a row after braking"),
-        ("clearance required", f"{_CLEARANCE_M:g} m"),
+        ("release", f"{RELEASE_STEPS} SAFE in a row after braking"),
+        ("clearance required", f"{CLEARANCE_REQUIRED_M:g} m"),
         ("speed limit", f"samples above {settings.speed_limit_mps:g} m/s are not judged"),
         ("state errors", ", ".join(f"{name} {getattr(errors, name):g}" for name in errors.__slots__
                                    if isinstance(getattr(errors, name), float))),

@@ -13,6 +13,7 @@ with |D^2 g| over a box that contains nominal and tube for the whole step.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import final
 
@@ -31,6 +32,9 @@ from workbench.sensitivity.kinks import RelaxedForm, SmoothForm, relax, smooth_f
 _INFLATION = 0.2
 _LEAST_SLACK = 1e-9
 PICARD_TRIALS = 8
+
+# From a box (lower, upper) to the range of the field over it and whether that range is valid.
+_Range = Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX, ca.SX]]
 
 
 @final
@@ -72,7 +76,7 @@ def step_functions(ode: Ode) -> StepFunctions:
     )
 
 
-def _picard(field, s: StepSymbols, guess: tuple[ca.SX, ca.SX]) -> list[ca.SX]:  # type: ignore[no-untyped-def]
+def _picard(field: _Range, s: StepSymbols, guess: tuple[ca.SX, ca.SX]) -> list[ca.SX]:
     """A box B with X + [0, h] F(B) inside B from a guess of F: box ends, F ends, ok."""
     start_lower, start_upper = s.x - s.r, s.x + s.r
     slack = _INFLATION * s.h * ca.fmax(ca.fabs(guess[0]), ca.fabs(guess[1])) + _LEAST_SLACK
