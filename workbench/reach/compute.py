@@ -10,8 +10,9 @@ import numpy as np
 
 from workbench.claims import weakest
 from workbench.models.system import System
-from workbench.reach.sensitivity_tube import SensitivityTube
-from workbench.reach.tube import ReachTube
+from workbench.reach.ranged_parameters import with_ranged_axes
+from workbench.reach.tube import KinkRecord, ReachTube
+from workbench.reach.validated.tube import ValidatedTube
 from workbench.sets import Box
 
 
@@ -27,9 +28,10 @@ class TubeMethod(Protocol):
 class Partitioned:
     """Run `method` on every cell of a grid over the initial set and return the hull of the tubes.
 
-    parts: number of cells along each named axis (1 where not named). The cells share end points and
-    cover the set, so the hull encloses every trajectory; it ends where the first cell's proof ends.
-    Splitting shrinks second-order remainders quadratically. Rigor: that of `method`.
+    parts: number of cells along each named axis, a state or a parameter with a range (1 where not
+    named). The cells share end points and cover the set, so the hull encloses every trajectory; it
+    ends where the first cell's proof ends. Splitting shrinks second-order remainders quadratically.
+    Rigor: that of `method`.
     """
 
     method: TubeMethod
@@ -37,9 +39,11 @@ class Partitioned:
 
     def cells(self, system: System, *, initial_set: Box, horizon_s: float) -> tuple[ReachTube, ...]:
         """One tube per cell."""
+        cells = with_ranged_axes(system.ode, initial_set, self.parts).split(self.parts)
+        if isinstance(self.method, ValidatedTube):
+            return self.method.tubes(system, initial_sets=cells, horizon_s=horizon_s)
         return tuple(
-            self.method.tube(system, initial_set=cell, horizon_s=horizon_s)
-            for cell in initial_set.split(self.parts)
+            self.method.tube(system, initial_set=cell, horizon_s=horizon_s) for cell in cells
         )
 
     def tube(self, system: System, *, initial_set: Box, horizon_s: float) -> ReachTube:
@@ -61,6 +65,17 @@ def hull(tubes: tuple[ReachTube, ...]) -> ReachTube:
         status=shortest.status,
         rigor=weakest(*(tube.rigor for tube in tubes)),
         message=shortest.message,
+        kinks=_common_kinks(tubes, rows - 1),
+    )
+
+
+def _common_kinks(tubes: tuple[ReachTube, ...], rows: int) -> KinkRecord | None:
+    records = [tube.kinks for tube in tubes if tube.kinks is not None]
+    if len(records) < len(tubes):
+        return None
+    return KinkRecord(
+        np.mean([record.decided_share[:rows] for record in records], axis=0),
+        np.all([record.linear[:rows] for record in records], axis=0),
     )
 
 
@@ -69,13 +84,13 @@ def compute_tube(
     *,
     initial_set: Box,
     horizon_s: float,
-    method: TubeMethod = SensitivityTube(step_s=0.02),  # noqa: B008 - a frozen value
+    method: TubeMethod = ValidatedTube(),  # noqa: B008 - a frozen value
 ) -> ReachTube:
     """A tube that encloses every trajectory of `system` from `initial_set` over [0, horizon_s].
 
-    Parameters with a range and disturbances take every admissible value. The default method is the
-    strongest one there is; see `SensitivityTube` for what it proves and its Rigor. A proof that
-    ends early is a value (`ReachTube.status`), wrong input is an InputError.
+    Parameters with a range and disturbances take every admissible value. The default method proves
+    all it says (Rigor ENCLOSED, see `ValidatedTube`). A proof that ends early is a value
+    (`ReachTube.status`), wrong input is an InputError.
 
     >>> import casadi as ca
     >>> from workbench.models import system_from_casadi

@@ -3,10 +3,14 @@ state."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import casadi as ca
 
+from workbench.errors import InputError
 from workbench.models.signals import Signal
 from workbench.models.system import Ode
+from workbench.sets import Box
 
 
 def with_ranged_parameters_as_states(ode: Ode) -> Ode:
@@ -31,3 +35,37 @@ def with_ranged_parameters_as_states(ode: Ode) -> Ode:
         field=ca.vertcat(ode.field, ca.SX.zeros(len(ranged))),
         outputs=ode.outputs,
     )
+
+
+def initial_box(original: Ode, ode: Ode, initial_set: Box) -> Box:
+    """The initial set with an axis for every parameter that became a state.
+
+    initial_set: axes = state names of `original`; it may name ranged parameters too, with a part of
+    their range. Raises InputError on other axes or values outside a parameter's range.
+    """
+    ranges = {q.name: (q.lower, q.upper) for q in original.parameters if q.name in ode.names}
+    given = set(initial_set.names)
+    if not set(original.names) <= given <= {*original.names, *ranges}:
+        raise InputError(
+            f"expected an initial set over the states {original.names} (ranged parameters may be "
+            f"added: {sorted(ranges)}), got {initial_set.names}"
+        )
+    intervals = {name: initial_set.interval(name) for name in original.names}
+    for name, (lower, upper) in ranges.items():
+        low, high = initial_set.interval(name) if name in given else (lower, upper)
+        if not lower <= low <= high <= upper:
+            raise InputError(
+                f"expected {name!r} within its range [{lower!r}, {upper!r}], got [{low!r}, "
+                f"{high!r}]"
+            )
+        intervals[name] = (low, high)
+    return Box.from_intervals(intervals)
+
+
+def with_ranged_axes(ode: Ode, initial_set: Box, names: Iterable[str]) -> Box:
+    """`initial_set` with the whole range of those of `names` that are ranged parameters."""
+    intervals = {name: initial_set.interval(name) for name in initial_set.names}
+    for parameter in ode.parameters:
+        if parameter.name in names and parameter.lower < parameter.upper:
+            intervals.setdefault(parameter.name, (parameter.lower, parameter.upper))
+    return Box.from_intervals(intervals)

@@ -13,7 +13,7 @@ import numpy as np
 from workbench.claims import Rigor
 from workbench.errors import InputError
 from workbench.models.system import Ode, System
-from workbench.reach.ranged_parameters import with_ranged_parameters_as_states
+from workbench.reach.ranged_parameters import initial_box, with_ranged_parameters_as_states
 from workbench.reach.step_functions import PICARD_TRIALS, StepFunctions, step_functions
 from workbench.reach.truncation import truncation_function
 from workbench.reach.tube import Array, ReachTube, TubeStatus
@@ -49,7 +49,7 @@ class SensitivityTube:
         """Run over [0, horizon_s] from `initial_set` (axes = state names)."""
         original = system.ode
         ode, steps, truncation = _prepared(original)
-        start = _initial_box(original, ode, initial_set)
+        start = initial_box(original, ode, initial_set)
         run = _Run(ode, steps, truncation, start, horizon_s, self.step_s)
         return run.tube(len(original.states))
 
@@ -60,18 +60,6 @@ def _prepared(original: Ode) -> tuple[Ode, StepFunctions, ca.Function]:
     ode = with_ranged_parameters_as_states(original)
     steps = step_functions(ode)
     return ode, steps, truncation_function(steps)
-
-
-def _initial_box(original: Ode, ode: Ode, initial_set: Box) -> Box:
-    if set(initial_set.names) != set(original.names):
-        raise InputError(
-            f"expected an initial set over the states {original.names}, got {initial_set.names}"
-        )
-    intervals = {name: initial_set.interval(name) for name in original.names}
-    ranges = {parameter.name: parameter for parameter in original.parameters}
-    for name in ode.names[len(original.names) :]:
-        intervals[name] = (ranges[name].lower, ranges[name].upper)
-    return Box.from_intervals(intervals)
 
 
 class _Run:

@@ -30,12 +30,37 @@ class TubeStatus(enum.Enum):
 
 
 @final
+@dataclass(frozen=True, slots=True, eq=False)
+class KinkRecord:
+    """What a tube has decided about the kinks (limits, clips, absolute values) of its field.
+
+    decided_share (K, n_kinks): share of the steps and cells of a row in which the kink lay on one
+    of its branches throughout; linear (K, n_kinks): whether it lay strictly between its limits for
+    all of the row. Both proved to the tube's rigor.
+    """
+
+    decided_share: Array
+    linear: npt.NDArray[np.bool_]
+
+    @property
+    def share(self) -> float:
+        """Decided share over all rows and kinks; 1 where there is none."""
+        return float(self.decided_share.mean()) if self.decided_share.size else 1.0
+
+    @property
+    def unsaturated(self) -> bool:
+        """Whether no limit is reached by any trajectory at any time of the tube."""
+        return bool(self.linear.all())
+
+
+@final
 @dataclass(frozen=True, slots=True)
 class ReachTube:
     """Boxes that contain every trajectory from an initial set.
 
     times (K+1): grid in s; lower, upper (K x n): row k encloses every state on all of
-    [times[k], times[k+1]]; lower_at, upper_at (K+1 x n): the sets at the instants; names: columns.
+    [times[k], times[k+1]]; lower_at, upper_at (K+1 x n): the sets at the instants; names: columns;
+    kinks: which limits were decided, where the method says so.
     """
 
     times: Array
@@ -47,6 +72,7 @@ class ReachTube:
     status: TubeStatus
     rigor: Rigor
     message: str = ""
+    kinks: KinkRecord | None = None
 
     def __post_init__(self) -> None:
         steps, n = len(self.times) - 1, len(self.names)

@@ -1,0 +1,1 @@
+"""Validated integration: Taylor series in time whose coefficients are polynomials of the set."""

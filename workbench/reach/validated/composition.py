@@ -1,0 +1,112 @@
+"""Order 0 of an elementary function: its Taylor polynomial in the deviation, with remainder.
+
+f(c + u) = sum_{i <= D} f_i(c) u^i + f_{D+1}(X) u^{D+1} for X = c +- |u| (Lagrange). The f_i come
+from the recurrences in time, run on numbers with radii for x(s) = c + s and x(s) = X + s; f itself
+is the proved inclusion function of the operation.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from workbench.reach.validated.algebra import UNIT, Algebra, Array, upward
+from workbench.reach.validated.series import Series, convolution
+from workbench.sensitivity.inclusion import inclusion
+
+NUMBERS = Algebra.of(deep=0, degree=0, shallow=0)
+
+
+class OutsideDomainError(Exception):
+    """A value reaches a pole, a branch cut or the border of a domain; says of which operation."""
+
+
+class Operation(Protocol):
+    """One node of a tape: `series` is filled order by order."""
+
+    series: Series
+
+    def extend(self, k: int) -> None:
+        """Fill order k; the operands' orders 0 .. k are there."""
+
+
+# From the series of the argument to the operations whose last one is the function.
+Build = Callable[[Series], Sequence[Operation]]
+
+
+def compose(
+    name: str, a: Series, build: Build, *, exponent: float | None = None
+) -> tuple[Array, Array]:
+    """f(a_0), coefficients and radius; `build` makes the operations of f."""
+    if a.algebra is NUMBERS:
+        return _number(name, a, exponent)
+    alg, batch = a.algebra, a.coef.shape[1]
+    deviation = a.coef[0].copy()
+    deviation[:, 0] = 0.0
+    size = upward(np.abs(deviation).sum(axis=-1) + a.radius[0])
+    derivatives = _derivatives(a.coef[0][:, 0], size, alg.degree + 2, build)
+    u = Series(alg, 1, batch, steady=True)
+    u.fill(0, deviation, a.radius[0])
+    total = Series(alg, 1, batch, steady=True)
+    for i in range(alg.degree, -1, -1):
+        value, spread = derivatives.coef[i, :batch, 0], derivatives.radius[i, :batch]
+        product, radius = convolution(total, u, 0)
+        product[:, 0] += value
+        total.fill(0, product, radius + spread + UNIT * np.abs(product[:, 0]))
+    last = alg.degree + 1
+    rest = derivatives.total[last, batch:] + derivatives.radius[last, batch:]
+    return total.coef[0], total.radius[0] + rest * size**last
+
+
+def _derivatives(center: Array, size: Array, orders: int, build: Build) -> Series:
+    """f_i at the centres (first half of the batch) and over centre +- size (second half)."""
+    batch = len(center)
+    x = Series(NUMBERS, orders, 2 * batch)
+    x.fill(0, np.tile(center, 2)[:, None], np.concatenate([np.zeros(batch), size]))
+    for k in range(1, orders):
+        x.fill(k, np.full((2 * batch, 1), float(k == 1)), np.zeros(2 * batch))
+    chain = build(x)
+    for k in range(orders):
+        for operation in chain:
+            operation.extend(k)
+    return chain[-1].series
+
+
+def _number(name: str, a: Series, exponent: float | None) -> tuple[Array, Array]:
+    """f over the intervals of order 0, as centre and radius."""
+    center, radius = a.coef[0][:, 0], a.radius[0]
+    lower = np.nextafter(center - radius, -np.inf)
+    upper = np.nextafter(center + radius, np.inf)
+    exact = radius <= 1e-280
+    low, high = interval_of(
+        name, np.where(exact, center, lower), np.where(exact, center, upper), exponent
+    )
+    mid = 0.5 * low + 0.5 * high
+    return mid[:, None], np.maximum(high - mid, mid - low)
+
+
+def interval_of(
+    name: str, lower: Array, upper: Array, exponent: float | None = None
+) -> tuple[Array, Array]:
+    """Bounds (B,) of a one-argument operation over [lower, upper] (B,)."""
+    values = np.array(_inclusion(name, exponent, len(lower))(lower[None, :], upper[None, :]))
+    values = values.reshape(3, -1)
+    if not np.all(values[2] == 1.0):
+        raise OutsideDomainError(name)
+    return values[0], values[1]
+
+
+@functools.lru_cache(maxsize=512)
+def _inclusion(name: str, exponent: float | None, batch: int) -> ca.Function:
+    x = ca.SX.sym("x")
+    if name == "inv":
+        value = 1.0 / x
+    else:
+        value = x**exponent if exponent is not None else getattr(ca, name)(x)
+    bounds = inclusion(ca.Function(name, [x], [value]))
+    lower, upper = ca.MX.sym("lower", 1, batch), ca.MX.sym("upper", 1, batch)
+    return ca.Function("mapped", [lower, upper], [ca.vertcat(*bounds.map(batch)(lower, upper))])
