@@ -1,0 +1,1 @@
+"""Checks certificates on its own: standard library only, nothing of the code that derives them."""
