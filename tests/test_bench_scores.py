@@ -25,7 +25,9 @@ from workbench.claims import Rigor
 from workbench.cli.main import main
 from workbench.errors import InputError
 from workbench.models.benchmarks import PLANE_STATES, b1_small, b2_noise
-from workbench.reach import ReachTube, TubeStatus
+from workbench.reach import ReachTube, TubeStatus, compute_tube
+from workbench.reach.inner.extremes import SearchEffort
+from workbench.reach.inner.hull import inner_hull
 
 PLAN = SamplePlan(count=2000, horizon_s=0.5, step_s=0.0125, seed=1)
 
@@ -78,10 +80,42 @@ def test_scores_are_the_stated_means() -> None:
     assert wide.final_radius == {"x": 1.0}
     assert wide.final_sampled_radius == {"x": 0.5}
     assert narrow.escapes == 2
+    assert wide.proved_ratio == {"x": None}
     assert narrow.excess_mean == {"x": pytest.approx(-0.2)}
     longer = samples.score(0, 3.0)
     assert not longer.covered
     assert longer.width_ratio == wide.width_ratio
+
+
+def test_runs_that_leave_by_less_than_their_error_only_touch() -> None:
+    times = np.linspace(0.0, 0.1, 9)
+    samples = Samples(times, (tube_of(1.0, 0.0),))
+    ends = [0.5, 1.0 + 5e-10, 1.0 + 5e-9, np.nan]
+    samples.add(np.array([end * np.ones(9) for end in ends])[:, :, None])
+    score = samples.score(0, 0.1)
+    assert (score.escapes, score.touching) == (2, 1)
+
+
+def test_proved_ratios_are_never_below_sampled_ones_of_reachable_sets() -> None:
+    loop = b1_small()
+    tube = compute_tube(loop.system, initial_set=loop.initial_set, horizon_s=0.5)
+    inner = inner_hull(
+        loop.system,
+        initial_set=loop.initial_set,
+        horizon_s=0.5,
+        step_s=0.05,
+        effort=SearchEffort(starts=32, rounds=2, every=2, seed=1),
+    )
+    samples = Samples(PLAN.times, (tube,), inner=inner)
+    for runs in sampled_runs(loop, PLAN):
+        samples.add(runs)
+    score = samples.score(0, 0.5)
+    assert score.escapes == 0
+    for name in tube.names:
+        proved, sampled = score.proved_ratio[name], score.width_ratio[name]
+        assert proved is not None
+        assert sampled is not None
+        assert 1.0 <= proved == pytest.approx(sampled, rel=1e-4)
 
 
 def test_samples_hold_vertices_and_extremes_and_follow_the_seed() -> None:
@@ -138,22 +172,38 @@ def test_the_command_reports_everything(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("workbench.cli.bench._TRAJECTORIES_QUICK", 3000)
+    monkeypatch.setattr("workbench.bench.scoreboard.HORIZONS_S", (0.4, 0.5))
     assert main(["bench", "--quick", "--only", "B1-small", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["escapes"] == 0
     assert found["trajectories"] == 3000
-    desk, compiled = found["tightness"]["B1-small"]
-    for method in (desk, compiled):
-        assert method["rigor"] in Rigor.__members__
-        three = method["horizons"][0]
-        assert three["horizon_s"] == 3.0
-        assert three["trajectories"] == 3000
-        for name in ("x", "y", "steering", "heading"):
-            assert 1.0 <= three["width_ratio"][name] <= 1.1
-            assert 0.0 <= three["excess_mean"][name] <= three["excess_worst"][name]
+    scores = {method["method"]: method for method in found["tightness"]["B1-small"]}
+    assert list(scores) == ["validated", "validated, 8 cells", "sensitivity", "compiled"]
+    for name, method in scores.items():
+        assert method["rigor"] == ("ENCLOSED" if "validated" in name else "NUMERICAL")
+        first = method["horizons"][0]
+        assert first["horizon_s"] == 0.4
+        assert first["trajectories"] == 3000
+        for state in ("x", "y", "steering", "heading"):
+            assert 1.0 <= first["width_ratio"][state] <= 1.1
+            assert 1.0 <= first["proved_ratio"][state] <= 1.1
+            assert 0.0 <= first["excess_mean"][state] <= first["excess_worst"][state]
+    finer = scores["validated, 8 cells"]["horizons"][1]["width_ratio"]
+    assert finer["y"] < scores["validated"]["horizons"][1]["width_ratio"]["y"]
     assert found["times"][0]["ratio"] > 1.0
     assert found["cold_start"]["process_s"] < 5.0
     assert found["cold_start"]["verdict"] == "SAFE"
+
+
+def test_a_board_alone_leaves_the_others_out(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    time = KernelTime("B1", 60, 200, 60.0, 5.0, 12.0, None, None)
+    monkeypatch.setattr("workbench.bench.kernel_time", lambda _: time)
+    assert main(["bench", "--board", "time", "--only", "B1", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["tightness"], found["cold_start"], found["escapes"]) == ({}, None, None)
+    assert found["times"][0]["tube_us"] == 60.0
 
 
 def test_an_escape_makes_the_command_fail(
@@ -166,7 +216,7 @@ def test_an_escape_makes_the_command_fail(
         runs[0, 100] = 2.0
         samples.add(runs)
         score = samples.score(0, 3.0)
-        return (MethodScore("desk", 0.05, "NUMERICAL", "COMPLETE", 3.0, 0.0, (score,)),)
+        return (MethodScore("any", 0.05, "NUMERICAL", "COMPLETE", 3.0, 0.0, 0.5, (score,)),)
 
     time = KernelTime("B1", 60, 200, 60.0, 5.0, 12.0, None, None)
     start = ColdStart(1, 0.1, 0.05, 0.01, 0.001, 20.0, "SAFE", "")
@@ -178,4 +228,5 @@ def test_an_escape_makes_the_command_fail(
     assert main(["bench", "--quick", "--only", "B1"]) == 1
     text = capsys.readouterr().out
     assert "escapes: 1 in all" in text
+    assert "50.0%" in text
     assert "valgrind is missing" in text

@@ -48,6 +48,8 @@ COMMANDS = ("derive", "learn", "examine --out {tmp}", "reach", "gains")
         ("reach --system b1 --curvature 0 0", "expected --system or --curvature, got both"),
         ("derive --system b1 --vehicle x", "expected --system or --vehicle, got both"),
         ("derive --system b1 --over operation", "has no operating region; use --over tube"),
+        ("derive --method nothing", "invalid choice: 'nothing'"),
+        ("derive --certificate /dev/null/x", "--certificate: expected a file that can be written"),
         ("derive --cells 0", "--cells: expected a whole number >= 1, got '0'"),
         ("learn --pairs 1.5", "--pairs: expected a whole number >= 1, got '1.5'"),
         ("learn --delta 1", "--delta: expected a number between 0 and 1, got '1'"),

@@ -18,6 +18,7 @@ from workbench.models.system import Ode, system_from_casadi
 from workbench.sensitivity import (
     Discrepancy,
     GrowthMatrix,
+    Inputs,
     Norm,
     WeightedNorm,
     derive_discrepancy,
@@ -44,13 +45,13 @@ def _growth(
     matrix: Array, norm: Norm = Norm.MAX, weights: Mapping[str, float] | None = None
 ) -> Discrepancy:
     system = _linear(matrix)
-    method = WeightedNorm(norm=norm, weights=weights, cells=1)
+    method = WeightedNorm(norm=norm, weights=weights, cells=1, inputs=Inputs.SHARED)
     return derive_discrepancy(system, region=_region(system), horizon_s=2.5, method=method)
 
 
 def _by_matrix(system: Ode, region: Box, cells: int = 1) -> Discrepancy:
     return derive_discrepancy(
-        system, region=region, horizon_s=2.5, method=GrowthMatrix(cells=cells)
+        system, region=region, horizon_s=2.5, method=GrowthMatrix(cells=cells, inputs=Inputs.SHARED)
     )
 
 
@@ -121,7 +122,7 @@ def test_weights_trade_the_rate_against_the_spread_of_the_horizon() -> None:
             system,
             region=_region(system),
             horizon_s=horizon_s,
-            method=WeightedNorm(norm=Norm.MAX, weights=None, cells=1),
+            method=WeightedNorm(norm=Norm.MAX, weights=None, cells=1, inputs=Inputs.SHARED),
         )
         assert low <= _rate(bound) <= high
 
@@ -202,12 +203,12 @@ def test_unusable_queries_are_named(
 
 def test_unusable_methods_and_fields_are_named() -> None:
     with pytest.raises(InputError, match="at least 1 cell"):
-        GrowthMatrix(cells=0)
+        GrowthMatrix(cells=0, inputs=Inputs.SHARED)
     with pytest.raises(InputError, match="weights > 0"):
-        WeightedNorm(norm=Norm.MAX, weights={"a": -1.0}, cells=1)
+        WeightedNorm(norm=Norm.MAX, weights={"a": -1.0}, cells=1, inputs=Inputs.SHARED)
     with pytest.raises(InputError, match="one weight for each"):
         _growth(np.array([[-1.0]]), weights={"b": 1.0})
     x = ca.SX.sym("x")
-    jump = system_from_casadi(x, ca.if_else(x > 0, -1.0, 1.0), ("x",))
-    with pytest.raises(InputError, match="derivative"):
-        _by_matrix(jump, Box.from_intervals({"x": (-1.0, 1.0)}))
+    jump = ca.if_else(x > 0, -1.0, 1.0)
+    with pytest.raises(InputError, match=r"continuous|derivative"):
+        _by_matrix(system_from_casadi(x, jump, ("x",)), Box.from_intervals({"x": (-1.0, 1.0)}))

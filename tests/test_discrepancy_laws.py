@@ -12,6 +12,7 @@ from workbench.models.benchmarks import Benchmark, b1, b2, b2_noise, b2_path
 from workbench.sensitivity import (
     Discrepancy,
     GrowthMatrix,
+    Inputs,
     Norm,
     WeightedNorm,
     derive_discrepancy,
@@ -26,9 +27,9 @@ from workbench.sets.box import Box
 _SIDES = ((-1.0, 6.0), (-0.7, 0.8), (-0.6, 0.6), (2.0, 3.2), (-0.5, 0.5), (-2.0, 2.0), (-2.0, 2.0))
 _HORIZON_S = 1.5
 _METHODS: tuple[DerivationMethod, ...] = (
-    GrowthMatrix(cells=64),
-    WeightedNorm(norm=Norm.MAX, weights=None, cells=64),
-    WeightedNorm(norm=Norm.SUM, weights=None, cells=64),
+    GrowthMatrix(cells=64, inputs=Inputs.SHARED),
+    WeightedNorm(norm=Norm.MAX, weights=None, cells=64, inputs=Inputs.SHARED),
+    WeightedNorm(norm=Norm.SUM, weights=None, cells=64, inputs=Inputs.SHARED),
 )
 
 
@@ -62,7 +63,7 @@ def test_pairs_of_runs_stay_within_the_bound(
 @pytest.mark.parametrize("benchmark", [b1(), b2()], ids=lambda b: b.name)
 def test_near_pairs_spread_at_most_as_the_bound_says_and_nearly_so(benchmark: Benchmark) -> None:
     """Over a short time the bound is within a third of the truth, so a missing entry would show."""
-    bound = _derive(benchmark, GrowthMatrix(cells=512))
+    bound = _derive(benchmark, GrowthMatrix(cells=512, inputs=Inputs.SHARED))
     states = uniform_states(benchmark.initial_set, 300, np.random.default_rng(0))
     t = 0.05
     runs = rollout(benchmark.system, states, horizon_s=t, step_s=0.05)[:, -1]
@@ -123,12 +124,14 @@ def test_scalar_bounds_with_a_positive_rate_grow_in_time(norm: Norm) -> None:
 
 def test_splitting_the_region_tightens_both_kinds() -> None:
     def rate(cells: int) -> float:
-        growth = _derive(b1(), WeightedNorm(norm=Norm.MAX, weights=None, cells=cells)).growth
+        growth = _derive(
+            b1(), WeightedNorm(norm=Norm.MAX, weights=None, cells=cells, inputs=Inputs.SHARED)
+        ).growth
         assert isinstance(growth, ExponentialGrowth)
         return growth.rate_per_s
 
     def matrix(cells: int) -> np.ndarray:
-        growth = _derive(b1(), GrowthMatrix(cells=cells)).growth
+        growth = _derive(b1(), GrowthMatrix(cells=cells, inputs=Inputs.SHARED)).growth
         assert isinstance(growth, MetzlerGrowth)
         return np.array(growth.matrix)
 

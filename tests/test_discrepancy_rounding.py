@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from workbench.sensitivity.growth_matrix import MetzlerGrowth
-from workbench.sensitivity.rounding import exp_up, mul_up, sum_up
+from workbench.sensitivity.rounding import exp_integral_up, exp_up, mul_up, sum_up
 from workbench.sensitivity.weighted_norm import ExponentialGrowth, Norm
 
 _PRECISE = Context(prec=60, Emin=-999_999, Emax=999_999)
@@ -42,7 +42,7 @@ def test_sums_and_products_are_not_below_the_exact_ones(values: list[float]) -> 
 def test_scalar_growth_is_not_below_the_exact_one(
     rate: float, weight: float, radius: float, t: float
 ) -> None:
-    growth = ExponentialGrowth(Norm.MAX, (weight, 1.0), rate)
+    growth = ExponentialGrowth(Norm.MAX, (weight, 1.0), rate, (0.0, 0.0))
     other = growth.half_widths((radius, 0.0), t)[1]
     exact = _PRECISE.multiply(
         _PRECISE.multiply(Decimal(weight), Decimal(radius)),
@@ -61,7 +61,7 @@ def test_matrix_growth_is_not_below_the_exact_one(
     entries: list[float], diagonal: float, t: float
 ) -> None:
     matrix = ((diagonal, entries[0]), (entries[1], diagonal - entries[2]))
-    bound = MetzlerGrowth(matrix).half_widths((1.0, entries[3]), t)
+    bound = MetzlerGrowth(matrix, (0.0, 0.0)).half_widths((1.0, entries[3]), t)
     # exp(M t) as exp(M t / 8) applied eight times, in fractions of 300 bits.
     scaled = [[Fraction(value) * Fraction(t) / 8 for value in row] for row in matrix]
     exact = [Fraction(1), Fraction(entries[3])]
@@ -81,5 +81,25 @@ def test_matrix_growth_is_not_below_the_exact_one(
 
 
 def test_growth_that_leaves_the_doubles_is_infinite_and_not_wrong() -> None:
-    assert MetzlerGrowth(((1000.0,),)).half_widths((1.0,), 10.0) == (math.inf,)
-    assert ExponentialGrowth(Norm.MAX, (1.0,), 1000.0).half_widths((1.0,), 10.0) == (math.inf,)
+    assert MetzlerGrowth(((1000.0,),), (0.0,)).half_widths((1.0,), 10.0) == (math.inf,)
+    assert ExponentialGrowth(Norm.MAX, (1.0,), 1000.0, (0.0,)).half_widths((1.0,), 10.0) == (
+        math.inf,
+    )
+
+
+@given(st.floats(1e-3, 50.0) | st.floats(-50.0, -1e-3), st.floats(1e-3, 10.0))
+def test_the_integral_of_an_exponential_is_rounded_up(rate: float, t: float) -> None:
+    digits = Context(prec=400, Emin=-999_999, Emax=999_999)
+    z = digits.multiply(Decimal(rate), Decimal(t))
+    exact = digits.divide(digits.multiply(digits.subtract(z.exp(digits), 1), Decimal(t)), z)
+    bound = Decimal(exp_integral_up(rate, t))
+    assert bound >= exact
+    assert bound <= exact * Decimal(1.0 + 1e-12) + Decimal("1e-300")
+
+
+@pytest.mark.parametrize("exponent", [1e-17, -1e-17, 1e-9, -1e-9, -2000.0, 699.0])
+def test_the_integral_is_right_where_it_is_delicate(exponent: float) -> None:
+    digits = Context(prec=400, Emin=-999_999, Emax=999_999)
+    exact = digits.divide(digits.subtract(Decimal(exponent).exp(digits), 1), Decimal(exponent))
+    assert exact <= Decimal(exp_integral_up(exponent, 1.0)) <= exact * Decimal(1.0 + 1e-12)
+    assert exp_integral_up(800.0, 1.0) == math.inf

@@ -21,6 +21,7 @@ from workbench.sensitivity import (
     ExaminationVerdict,
     Examiner,
     GrowthMatrix,
+    Inputs,
     LearnedExponential,
     ProvedEnvelope,
     cross_examine,
@@ -177,7 +178,7 @@ def test_a_derived_discrepancy_implies_a_looser_claim_for_all_pairs() -> None:
     )
     proved = derive_discrepancy(
         system, region=Box.around({"x": 0.0}, radius={"x": 2.0}), horizon_s=1.0,
-        method=GrowthMatrix(cells=1),
+        method=GrowthMatrix(cells=1, inputs=Inputs.SHARED),
     )  # fmt: skip
     outcome = cross_examine(
         system, initial_set=box, horizon_s=1.0, learned=learned, proved=[proved], method=_PAIRS

@@ -32,6 +32,21 @@ BROKEN: list[tuple[Callable[..., ca.SX], list[tuple[float, float]]]] = [
     (lambda a, b: ca.fmax(ca.sin(a * b), 0), [(1e200, 1e200), (1e200, 1e200)]),
     (lambda a, b: ca.atan(a * b), [(1e200, 1e200), (1e200, 1e200)]),
     (lambda a, b: ca.fabs(a + b), [(1.7e308, 1.7e308), (1.7e308, 1.7e308)]),
+    (ca.atan2, [(0.0, 0.0), (0.0, 0.0)]),
+    (ca.atan2, [(0.0, 0.0), (-2.0, -1.0)]),
+    (ca.atan2, [(-1.0, 0.0), (-1.0, 2.0)]),
+    (ca.atan2, [(0.0, 1.0), (0.0, 2.0)]),
+    (lambda a, b: ca.atan2(a * b, b), [(1e200, 1e200), (1e200, 1e200)]),
+    (lambda a, b: ca.fmax(ca.atan2(1 / a, b), 0), [(0.0, 1.0), (1.0, 1.0)]),
+    (lambda a, b: ca.atan2(a * b, b), [(1.0, 1e200), (1e200, 1e200)]),
+    (lambda a, b: ca.atan2(b, -a * b), [(1.0, 1e200), (1e200, 1e200)]),
+    (lambda a, b: a**b, [(0.0, 1.0), (1.0, 2.0)]),
+    (lambda a, b: a**b, [(2.0, 2.0), (500.0, 500.0)]),
+    (lambda a, b: a**0.3 + b, [(-1e-300, 1.0), (0.0, 1.0)]),
+    (lambda a, b: a**2.5 + b, [(-1e-300, 1.0), (0.0, 1.0)]),
+    (lambda a, b: a**-0.3 + b, [(0.0, 1.0), (0.0, 1.0)]),
+    (lambda a, b: a**-2.5 + b, [(0.0, 1.0), (0.0, 1.0)]),
+    (lambda a, b: ca.fmin((a * b) ** 0.3, 3), [(1e200, 1e200), (1e200, 1e200)]),
 ]
 
 
@@ -56,6 +71,12 @@ OPERATIONS: dict[str, Callable[[ca.SX], ca.SX]] = {
     "log": lambda x: ca.log(ca.fmax(x, 1)),
     "inverse": lambda x: 1 / ca.fmax(x, 1),
     "sqrt": lambda x: ca.sqrt(ca.fmax(x, 0)),
+    "angle": lambda x: ca.atan2(x, 2),
+    "angle of a base": lambda x: ca.atan2(2, x),
+    "root power": lambda x: ca.fmax(x, 1) ** 2.5,
+    "real power": lambda x: ca.fmax(x, 1) ** 0.3,
+    "real power of the input": lambda x: x**0.3,
+    "exponent": lambda x: 2**x,
 }
 
 
@@ -86,10 +107,12 @@ def test_a_bad_end_point_anywhere_in_a_model_is_never_forgotten(bad: float) -> N
         ("erf", ca.erf),
         ("floor", ca.floor),
         ("sign", ca.sign),
-        ("atan2", lambda x: ca.atan2(x, 2)),
+        ("ceil", ca.ceil),
         ("hypot", lambda x: ca.hypot(x, 2)),
-        ("pow", lambda x: x**2.5),
-        ("pow", lambda x: 2**x),
+        ("fmod", lambda x: ca.fmod(x, 2)),
+        ("copysign", lambda x: ca.copysign(x, 2)),
+        ("asinh", ca.asinh),
+        ("log1p", ca.log1p),
     ],
 )
 def test_operations_without_a_rule_are_refused_by_name(name: str, operation) -> None:

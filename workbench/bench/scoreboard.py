@@ -13,7 +13,16 @@ from workbench.codegen.c_source import KernelSizes
 from workbench.codegen.tube_kernel import CompiledTube
 from workbench.errors import InputError
 from workbench.models.benchmarks import Benchmark, all_benchmarks
-from workbench.reach import ReachTube, SensitivityTube, compute_tube
+from workbench.reach import (
+    Partitioned,
+    ReachTube,
+    SensitivityTube,
+    TubeMethod,
+    ValidatedTube,
+    compute_tube,
+)
+from workbench.reach.inner.extremes import SearchEffort
+from workbench.reach.inner.hull import inner_hull
 from workbench.sets import Box
 
 HORIZONS_S = (3.0, 4.0, 5.0)
@@ -23,6 +32,10 @@ SAMPLE_STEP_S = SCORE_STEP_S / 4
 _DESK_STEP_S = 0.025
 _DESK_STEP_LIMITED_S = 0.01
 _MERGE_STEPS = 1
+# The initial set is split along the states that drive the others: y, speed and heading, or offset,
+# speed and heading error; finely where limits are met.
+_SPLIT_AXES = (1, 3, 4)
+_SPLIT_FINELY = ("B2", "B2-slow")
 # The compiled tube refuses to leave its region; here the region shall not decide.
 _REGION = 100.0
 
@@ -30,10 +43,11 @@ _REGION = 100.0
 @final
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """A benchmark loop and the step of the desk method on it, in s."""
+    """A benchmark loop, the step of the desk method on it (s), and the partitions of its set."""
 
     benchmark: Benchmark
     desk_step_s: float
+    parts_per_axis: tuple[int, ...]
 
 
 def bench_loops(only: tuple[str, ...]) -> tuple[Loop, ...]:
@@ -43,7 +57,11 @@ def bench_loops(only: tuple[str, ...]) -> tuple[Loop, ...]:
     if unknown:
         raise InputError(f"no benchmark loop {unknown[0]!r}; expected one of {', '.join(known)}")
     return tuple(
-        Loop(loop, _DESK_STEP_S if name.startswith("B1") else _DESK_STEP_LIMITED_S)
+        Loop(
+            loop,
+            _DESK_STEP_S if name.startswith("B1") else _DESK_STEP_LIMITED_S,
+            (1, 2, 3) if name in _SPLIT_FINELY else (1, 2),
+        )
         for name, loop in known.items()
         if not only or name in only
     )
@@ -61,58 +79,107 @@ def compiled_tube(benchmark: Benchmark, horizon_s: float) -> CompiledTube:
     return CompiledTube(benchmark.system, region=wide_region(benchmark), sizes=sizes)
 
 
+@final
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One tube method on the board."""
+
+    name: str
+    step_s: float
+    compute: Callable[[float], ReachTube]
+
+
+def entries(loop: Loop, horizon_s: float) -> tuple[Entry, ...]:
+    """The methods for one loop, each from the whole horizon in s to a tube."""
+    benchmark = loop.benchmark
+    kernel = compiled_tube(benchmark, horizon_s)
+
+    def by(method: TubeMethod) -> Callable[[float], ReachTube]:
+        return lambda horizon_s: compute_tube(
+            benchmark.system,
+            initial_set=benchmark.initial_set,
+            horizon_s=horizon_s,
+            method=method,
+        )
+
+    def compiled(horizon_s: float) -> ReachTube:
+        return kernel.tube(benchmark.initial_set, horizon_s=horizon_s, step_s=SCORE_STEP_S)
+
+    names = benchmark.system.ode.names
+    validated = tuple(
+        Entry(
+            f"validated, {parts ** len(_SPLIT_AXES)} cells" if parts > 1 else "validated",
+            SCORE_STEP_S,
+            by(Partitioned(ValidatedTube(SCORE_STEP_S), {names[i]: parts for i in _SPLIT_AXES})),
+        )
+        for parts in loop.parts_per_axis
+    )
+    desk = Entry("sensitivity", loop.desk_step_s, by(SensitivityTube(loop.desk_step_s)))
+    return (*validated, desk, Entry("compiled", SCORE_STEP_S, compiled))
+
+
 def score_loop(
     loop: Loop, plan: SamplePlan, *, advance: Callable[[int], None]
 ) -> tuple[MethodScore, ...]:
-    """Both tubes of one loop against the same samples; `advance` counts finished units of work.
+    """All tubes of one loop against the same samples and the same validated trajectories.
 
     One tube over `plan.horizon_s` serves every horizon in it: a longer run starts with the rows of
-    a shorter one. `units_of_work(plan)` says how many units there are.
+    a shorter one. `advance` counts finished units of work, `units_of_work` of them.
     """
     benchmark = loop.benchmark
-    start = time.perf_counter()
-    desk = compute_tube(
+    methods, timed, tubes = entries(loop, plan.horizon_s), [], []
+    for method in methods:
+        timed.append(_timed(method, min(HORIZONS_S[0], plan.horizon_s)))
+        tubes.append(method.compute(plan.horizon_s))
+        advance(_UNITS_PER_TUBE)
+    inner = inner_hull(
         benchmark.system,
         initial_set=benchmark.initial_set,
         horizon_s=plan.horizon_s,
-        method=SensitivityTube(step_s=loop.desk_step_s),
+        step_s=SCORE_STEP_S,
+        effort=SearchEffort(starts=64, rounds=3, every=4, seed=plan.seed),
     )
-    desk_s = time.perf_counter() - start
     advance(_UNITS_PER_TUBE)
-    kernel = compiled_tube(benchmark, plan.horizon_s)
-    start = time.perf_counter()
-    compiled = kernel.tube(benchmark.initial_set, horizon_s=plan.horizon_s, step_s=SCORE_STEP_S)
-    compiled_s = time.perf_counter() - start
-    advance(_UNITS_PER_TUBE)
-    samples = Samples(plan.times, (desk, compiled))
+    samples = Samples(plan.times, tubes, inner=inner)
     for runs in sampled_runs(benchmark, plan):
         samples.add(runs)
         advance(1)
-    return (
-        _score(samples, 0, ("desk", loop.desk_step_s, desk_s)),
-        _score(samples, 1, ("compiled", SCORE_STEP_S, compiled_s)),
+    return tuple(
+        _score(samples, which, method, timed[which]) for which, method in enumerate(methods)
     )
 
 
 _UNITS_PER_TUBE = 5
 
 
-def units_of_work(plan: SamplePlan) -> int:
+def units_of_work(loop: Loop, plan: SamplePlan) -> int:
     """How often `score_loop` counts on."""
-    return 2 * _UNITS_PER_TUBE + plan.blocks
+    return (len(loop.parts_per_axis) + 3) * _UNITS_PER_TUBE + plan.blocks
 
 
-def _score(samples: Samples, which: int, method: tuple[str, float, float]) -> MethodScore:
+def _timed(method: Entry, horizon_s: float) -> tuple[float, float | None]:
+    """Seconds that the tube takes, and its share of decided kinks."""
+    start = time.perf_counter()
+    tube = method.compute(horizon_s)
+    elapsed_s = time.perf_counter() - start
+    if tube.kinks is None or not tube.kinks.decided_share.size:
+        return elapsed_s, None
+    return elapsed_s, tube.kinks.share
+
+
+def _score(
+    samples: Samples, which: int, method: Entry, timed: tuple[float, float | None]
+) -> MethodScore:
     tube: ReachTube = samples.tubes[which]
-    name, step_s, elapsed_s = method
     end_s = float(samples.times[-1])
     return MethodScore(
-        method=name,
-        step_s=step_s,
+        method=method.name,
+        step_s=method.step_s,
         rigor=tube.rigor.name,
         status=tube.status.name,
         proved_until_s=float(tube.times[-1]),
-        elapsed_s=elapsed_s,
+        elapsed_s=timed[0],
+        kinks_decided=timed[1],
         horizons=tuple(
             samples.score(which, horizon_s) for horizon_s in HORIZONS_S if horizon_s <= end_s
         ),

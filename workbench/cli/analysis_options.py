@@ -43,6 +43,7 @@ def add_subject_options(parser: argparse.ArgumentParser) -> None:
     add_vehicle_option(parser)
     parser.add_argument(
         "--system",
+        type=str.lower,
         choices=SYSTEMS,
         metavar="NAME",
         help=f"a benchmark loop instead of a vehicle: {', '.join(SYSTEMS)}",
@@ -184,6 +185,21 @@ def writable_file(target: Path | None, option: str) -> None:
             f"{option}: expected a file that can be written, got {target} ({reason}); "
             "name one in another folder, or change its permissions"
         )
+
+
+def separate_files(args: argparse.Namespace, *options: str) -> None:
+    """Raise InputError where two of the options name one file; the later would overwrite it."""
+    taken: dict[Path, str] = {}
+    for option in options:
+        target = getattr(args, option)
+        if target is None:
+            continue
+        first = taken.setdefault(target.resolve(), option)
+        if first != option:
+            raise InputError(
+                f"expected different files for --{first} and --{option}, got {target} for both; "
+                "rename one of them"
+            )
 
 
 def command_line(command: str, args: argparse.Namespace, *, positional: Sequence[str] = ()) -> str:

@@ -11,18 +11,18 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.claims import Rigor
-from workbench.cli.analysis_options import Subject, text_table
+from workbench.cli.analysis_options import Subject
 from workbench.cli.output import Progress
 from workbench.errors import InputError
 from workbench.models.system import Ode, System
-from workbench.reach import Partitioned, ReachTube, SensitivityTube, TubeMethod, compute_tube
-from workbench.report.curves import Growth, Origin, SampledRuns, TubeCurves
+from workbench.reach import Partitioned, ReachTube, ValidatedTube, compute_tube
+from workbench.report.curves import Growth, SampledRuns, TubeCurves
 from workbench.report.figures import comparison_table, growth_figure
 from workbench.report.page import Paragraph, Section
 from workbench.sensitivity import (
     Discrepancy,
     GrowthMatrix,
+    Inputs,
     Norm,
     ProvedEnvelope,
     WeightedNorm,
@@ -39,27 +39,14 @@ _RUN_STEP_S = 0.02
 _SAME_S = 1e-12
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class _Counted:
-    """A tube method that reports each tube to a progress bar."""
-
-    method: TubeMethod
-    progress: Progress
-
-    def tube(self, system: System, *, initial_set: Box, horizon_s: float) -> ReachTube:
-        tube = self.method.tube(system, initial_set=initial_set, horizon_s=horizon_s)
-        self.progress.advance()
-        return tube
-
-
 def tube_of(
     subject: Subject, *, horizon_s: float, step_s: float, parts: Mapping[str, int] | None = None
 ) -> ReachTube:
     """The subject's tube, with a progress bar; `parts` as `Partitioned` takes them."""
     cells = math.prod((parts or {}).values())
-    with Progress("tube" if cells == 1 else f"tube of {cells} cells", cells) as progress:
-        method = _Counted(SensitivityTube(step_s=step_s), progress)
+    rows = math.ceil(horizon_s / step_s)
+    with Progress("tube" if cells == 1 else f"tube of {cells} cells", rows) as progress:
+        method = ValidatedTube(step_s, each_row=progress.advance)
         return compute_tube(
             subject.system,
             initial_set=subject.initial_set,
@@ -123,13 +110,25 @@ def distances_from(run: Array, tube: ReachTube, times_s: Array) -> Array:
     )
 
 
-def runs_at(system: System, states: Array, times_s: Array) -> Array:
-    """Runs (N, M, n) from `states` (N, n) at the rising instants `times_s` >= 0, all nominal."""
+def runs_at(
+    system: System,
+    states: Array,
+    times_s: Array,
+    *,
+    inputs: tuple[Array | None, Array | None] = (None, None),
+) -> Array:
+    """Runs (N, M, n) from `states` (N, n) at the rising instants `times_s` >= 0.
+
+    inputs: parameters (N, n_p) and disturbances (N, n_w), constant along each run; nominal if None.
+    """
     found, last, now = [], states, 0.0
     for t in times_s.tolist():
         if t > now:
             step = (t - now) / math.ceil((t - now) / _RUN_STEP_S)
-            last = rollout(system, last, horizon_s=t - now, step_s=step)[:, -1]
+            last = rollout(
+                system, last, horizon_s=t - now, step_s=step,
+                parameters=inputs[0], disturbances=inputs[1],
+            )[:, -1]  # fmt: skip
         found.append(last)
         now = t
     return np.stack(found, axis=1)
@@ -144,15 +143,6 @@ def centre_run(subject: Subject, times_s: Array) -> Array:
     """The run (M, n) from the middle of the initial set."""
     ordered = subject.initial_set.reordered(subject.system.ode.names)
     return np.asarray(runs_at(subject.system, np.array([ordered.center]), times_s)[0])
-
-
-def sampled_distances(subject: Subject, times_s: Array, *, count: int, seed: int) -> Array:
-    """Largest distance (M, n) of sampled runs from the one of the middle, at `times_s`."""
-    ordered = subject.initial_set.reordered(subject.system.ode.names)
-    states = sample_initial_states(ordered, count=count, seed=seed)
-    runs = runs_at(subject.system, states, times_s)
-    with np.errstate(invalid="ignore"):  # runs of an unstable loop may leave the finite numbers
-        return np.asarray(np.abs(runs - centre_run(subject, times_s)).max(axis=0))
 
 
 def sampled_runs(subject: Subject, *, horizon_s: float, count: int, seed: int) -> SampledRuns:
@@ -198,9 +188,9 @@ class Derived:
 def derived(subject: Subject, region: Box, *, horizon_s: float, cells: int) -> list[Derived]:
     """Every proved discrepancy there is, over `region`, with a progress bar."""
     methods: dict[str, DerivationMethod] = {
-        "WeightedNorm MAX": WeightedNorm(Norm.MAX, None, cells),
-        "WeightedNorm SUM": WeightedNorm(Norm.SUM, None, cells),
-        "GrowthMatrix": GrowthMatrix(cells),
+        "WeightedNorm MAX": WeightedNorm(Norm.MAX, None, cells, Inputs.SHARED),
+        "WeightedNorm SUM": WeightedNorm(Norm.SUM, None, cells, Inputs.SHARED),
+        "GrowthMatrix": GrowthMatrix(cells, Inputs.SHARED),
     }
     found = []
     with Progress("bounds", len(methods)) as progress:
@@ -224,57 +214,12 @@ def radii(bound: Discrepancy, subject: Subject, times_s: Array) -> Array:
     return np.array([bound.radius(start, t) for t in times_s.tolist()])
 
 
-def distance_table(ode: Ode, times_s: Array, bounds: Mapping[str, tuple[Rigor, Array]]) -> str:
-    """One line per state and instant, one column per bound: (M, n) each."""
-    headings = ["state", "t (s)", *bounds]
-    rows: list[list[str | int | float | None]] = [
-        [
-            f"{state.name} ({state.unit})" if m == 0 else "",
-            f"{t:g}",
-            *(float(values[m, i]) for _, values in bounds.values()),
-        ]
-        for i, state in enumerate(ode.states)
-        for m, t in enumerate(times_s.tolist())
-    ]
-    rigors: list[str | int | float | None] = [rigor.name for rigor, _ in bounds.values()]
-    return text_table(headings, [["", "", *rigors], *rows])
-
-
-def growths(
-    subject: Subject,
-    times_s: Array,
-    *,
-    reached: Array,
-    tube: ReachTube | None,
-    bounds: Sequence[Derived],
-) -> list[Growth]:
-    """The curves that a page draws: `reached` (M, n) by samples, the tube, the derived bounds."""
-    curves = [Growth("sampled", Origin.SAMPLES, Rigor.SAMPLED, times_s, reached)]
-    if tube is not None:
-        shown = times_s[times_s <= tube.times[-1] + _SAME_S]
-        values = distances_from(centre_run(subject, shown), tube, shown)
-        curves.append(Growth("sensitivity tube", Origin.PROVED, tube.rigor, shown, values))
-    for each in bounds:
-        if each.bound is not None:
-            values = radii(each.bound, subject, times_s)
-            curves.append(
-                Growth(
-                    each.method,
-                    Origin.PROVED,
-                    each.bound.rigor,
-                    times_s,
-                    np.where(np.isfinite(values), values, np.nan),
-                )
-            )
-    return curves
-
-
 def envelope_of(subject: Subject, tube: ReachTube, times_s: Array) -> ProvedEnvelope:
     """A complete tube as a bound about the run from the middle, for the instants `times_s`."""
     rows = distances_from(centre_run(subject, times_s), tube, times_s).tolist()
     by_time = dict(zip(times_s.tolist(), rows, strict=True))
     condition = "one of the two runs starts in the middle of the initial set"
-    return ProvedEnvelope("sensitivity tube", by_time.__getitem__, tube.rigor, condition)
+    return ProvedEnvelope("validated tube", by_time.__getitem__, tube.rigor, condition)
 
 
 def growth_section(curves: Sequence[Growth], ode: Ode) -> Section:

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from workbench.bench import ColdStart
+    from workbench.bench import ColdStart, KernelTime, Loop, MethodScore, SamplePlan
 
 HELP: Final = (
-    "Score the desk tube and the compiled tube on the benchmark loops against the same sampled "
-    "trajectories, and time the compiled ones. The seed is fixed. Exit status 1 if any trajectory "
-    "leaves a tube."
+    "Score every tube (validated as one set and in cells, sensitivity, compiled) on the benchmark "
+    "loops against the same sampled trajectories and against validated ones, and time the compiled "
+    "ones. The seed is fixed. Exit status 1 if any trajectory leaves a tube."
 )
-EXAMPLE: Final = "workbench bench --quick --only B1 --only B2"
+EXAMPLE: Final = """\
+workbench bench --quick --only B1 --only B2
+workbench bench --board tightness --only B2-slow
+"""
+
+BOARDS: Final = ("tightness", "time", "cold-start")
 
 _SEED: Final = 1
 _TRAJECTORIES: Final = 200_000
@@ -37,6 +43,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="only this loop, such as B1-small (can be given more than once)",
     )
     parser.add_argument(
+        "--board",
+        action="append",
+        choices=BOARDS,
+        default=[],
+        help="measure only this: tightness and escapes of the tubes, time of the compiled ones, or "
+        "cold start of the runtime (can be given more than once; default: all)",
+    )
+    parser.add_argument(
         "--bundle",
         type=Path,
         metavar="DIR",
@@ -46,36 +60,56 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure, print, and return 1 if any trajectory escapes."""
-    from workbench.bench import SamplePlan, bench_loops, kernel_time, score_loop
-    from workbench.bench.scoreboard import HORIZONS_S, SAMPLE_STEP_S, units_of_work
+    from workbench.bench import SamplePlan, bench_loops
+    from workbench.bench.scoreboard import HORIZONS_S, SAMPLE_STEP_S
     from workbench.bench.text import cold_start_text, tightness_text, times_text
     from workbench.cli.main import CLAIM_FAILS, DONE
-    from workbench.cli.output import Progress, emit
+    from workbench.cli.output import emit
 
     loops = bench_loops(tuple(args.only))
+    boards = args.board or BOARDS
     count = _TRAJECTORIES_QUICK if args.quick else _TRAJECTORIES
     plan = SamplePlan(count, max(HORIZONS_S), SAMPLE_STEP_S, _SEED)
-    cold = _cold_start(args.bundle)
-    times, scores = [], {}
+    cold = _cold_start(args.bundle) if "cold-start" in boards else None
+    times = _times(loops) if "time" in boards else []
+    scores = _scores(loops, plan) if "tightness" in boards else {}
+    texts = [tightness_text(loop, scores[loop.benchmark.name]) for loop in loops if scores]
+    texts += [times_text(times)] if times else []
+    texts += [cold_start_text(cold)] if cold else []
+    found = sum(method.horizons[-1].escapes for loop in scores.values() for method in loop)
+    texts += [f"escapes: {found} in all (seed {_SEED})"] if scores else []
+    emit(
+        args,
+        "\n\n".join(texts),
+        {"seed": _SEED, "trajectories": count, "escapes": found if scores else None,
+         "tightness": scores, "times": times, "cold_start": cold},
+    )  # fmt: skip
+    return CLAIM_FAILS if found else DONE
+
+
+def _times(loops: Sequence[Loop]) -> list[KernelTime]:
+    from workbench.bench import kernel_time
+    from workbench.cli.output import Progress
+
+    times = []
     with Progress("time of compiled kernels", len(loops)) as progress:
         for loop in loops:
             times.append(kernel_time(loop.benchmark))
             progress.advance()
+    return times
+
+
+def _scores(loops: Sequence[Loop], plan: SamplePlan) -> dict[str, tuple[MethodScore, ...]]:
+    from workbench.bench import score_loop
+    from workbench.bench.scoreboard import units_of_work
+    from workbench.cli.output import Progress
+
+    scores = {}
     for loop in loops:
         name = loop.benchmark.name
-        with Progress(f"tightness of {name}", units_of_work(plan)) as progress:
+        with Progress(f"tightness of {name}", units_of_work(loop, plan)) as progress:
             scores[name] = score_loop(loop, plan, advance=progress.advance)
-    texts = [tightness_text(loop, scores[loop.benchmark.name]) for loop in loops]
-    found = sum(method.horizons[-1].escapes for loop in scores.values() for method in loop)
-    verdict = f"escapes: {found} in all (seed {_SEED})"
-    text = "\n\n".join([*texts, times_text(times), cold_start_text(cold), verdict])
-    emit(
-        args,
-        text,
-        {"seed": _SEED, "trajectories": count, "escapes": found, "tightness": scores,
-         "times": times, "cold_start": cold},
-    )  # fmt: skip
-    return CLAIM_FAILS if found else DONE
+    return scores
 
 
 def _cold_start(bundle: Path | None) -> ColdStart:

@@ -116,31 +116,37 @@ def _subject(vehicle: Vehicle) -> Subject:
 
 
 def _tube(subject: Subject) -> ReachTube:
-    from workbench.reach import SensitivityTube, compute_tube
+    from workbench.reach import ValidatedTube, compute_tube
 
     return compute_tube(
         subject.system,
         initial_set=subject.initial_set,
         horizon_s=_HORIZON_S,
-        method=SensitivityTube(step_s=_STEP_S),
+        method=ValidatedTube(_STEP_S),
     )
 
 
 def _proved(subject: Subject, tube: ReachTube) -> dict[str, Discrepancy | ProvedEnvelope]:
     """The tube itself, and discrepancies over its hull; nothing when the tube is not complete."""
     from workbench.cli.analysis_results import envelope_of, hull_of
-    from workbench.sensitivity import GrowthMatrix, Norm, WeightedNorm, derive_discrepancy
+    from workbench.sensitivity import (
+        GrowthMatrix,
+        Inputs,
+        Norm,
+        WeightedNorm,
+        derive_discrepancy,
+    )
     from workbench.sensitivity.discrepancy import DerivationMethod
     from workbench.sensitivity.sampling import instants
 
     if not tube.complete:
         return {}
     methods: dict[str, DerivationMethod] = {
-        "weighted norm": WeightedNorm(norm=Norm.MAX, weights=None, cells=64),
-        "growth matrix": GrowthMatrix(cells=64),
+        "weighted norm": WeightedNorm(Norm.MAX, None, 64, Inputs.SHARED),
+        "growth matrix": GrowthMatrix(64, Inputs.SHARED),
     }
     found: dict[str, Discrepancy | ProvedEnvelope] = {
-        "sensitivity + remainder": envelope_of(subject, tube, instants(_HORIZON_S, _STEP_S))
+        "validated tube": envelope_of(subject, tube, instants(_HORIZON_S, _STEP_S))
     }
     for name, method in methods.items():
         found[name] = derive_discrepancy(

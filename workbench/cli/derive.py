@@ -1,12 +1,11 @@
-"""`workbench derive`: proved bounds on the spread of a closed loop, side by side."""
+"""`workbench derive`: every bound on the spread of a closed loop, side by side."""
 
 from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, final
+from typing import TYPE_CHECKING, Final
 
 from workbench.cli.analysis_options import (
     Subject,
@@ -15,73 +14,81 @@ from workbench.cli.analysis_options import (
     add_time_options,
     check_steps,
     chosen_subject,
-    command_line,
     count,
     shown_instants,
     text_table,
     writable_file,
 )
-from workbench.cli.output import emit
+from workbench.cli.certificate import add_certificate_option
+from workbench.cli.output import Progress, emit
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
-    from workbench.cli.analysis_results import Array, Derived
-    from workbench.reach import ReachTube
+    from workbench.cli.analysis_results import Array
+    from workbench.cli.comparison import Compared, Sampled
+    from workbench.cli.recommendation import Outcome
     from workbench.sets import Box
 
 HELP = (
-    "Derives proved bounds on how far trajectories spread: every discrepancy there is, over a "
-    "region, and the sensitivity tube from the initial set. Exit status 1 when a bound cannot be "
-    "derived, or when the tube does not show that trajectories stay in the region to the end."
+    "Compares every bound on how far trajectories spread: formulas over a region, bounds along the "
+    "trajectory, and tubes of the initial set, against sampled runs; and recommends one. Exit "
+    "status 1 when a method refuses, or when the proved tube does not show that trajectories stay "
+    "in the region to the end. A bound that explodes is a finding: its ratio is ∞."
 )
 EXAMPLE = """\
 workbench derive
 workbench derive --over tube --plot out/growth.html
-workbench derive --system b1 --horizon 2 --json
+workbench derive --system b1 --method metric blocks local-metric local-blocks --json
 """
 
+# Written out because `--help` has to work without the analysis extra.
+METHODS: Final = (
+    "norm-max", "norm-sum", "norm-euclidean", "growth-matrix", "metric", "blocks",
+    "local-norm-max", "local-norm-sum", "local-norm-euclidean", "local-growth", "local-metric",
+    "local-blocks", "local-lagrangian",
+    "sensitivity-linear", "sensitivity-quadratic", "sensitivity-numerical",
+)  # fmt: skip
 _SAMPLES: Final = 1000
 _SEED: Final = 1
+# Instants that mean the same time differ by their rounding only.
+_SAME_S: Final = 1e-9
+_ROUNDED_ZERO: Final = 1e-200
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Loop, region, time grid, effort, and the page to write."""
+    """Loop, region, time grid, methods, effort, and the page to write."""
     add_subject_options(parser)
     parser.add_argument(
         "--over",
         choices=("operation", "tube"),
-        help="region of the bounds: the vehicle's operating region, or the hull of the tube "
+        help="region of the formulas: the vehicle's operating region, or the hull of the tube "
         "(default: operation; for a benchmark loop, which has none, tube)",
     )
-    add_time_options(parser, step_s=0.02)
+    add_time_options(parser, step_s=0.05)
+    parser.add_argument(
+        "--method",
+        nargs="+",
+        choices=METHODS,
+        default=list(METHODS),
+        metavar="NAME",
+        help=f"methods to compare, among {', '.join(METHODS)} (default: all)",
+    )
     parser.add_argument(
         "--cells",
         type=count,
-        default=256,
+        default=64,
         metavar="N",
-        help="split the region into about N cells for the Jacobian (default: 256)",
+        help="split the region into about N cells for the Jacobian (default: 64)",
     )
-    add_file_option(parser, "--plot", text="write a page with growth over time beside samples")
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class _Outcome:
-    """All that was found; `condition` says whether the tube shows the bounds' condition."""
-
-    subject: Subject
-    region: Box
-    tube: ReachTube
-    tube_cost_s: float
-    bounds: list[Derived]
-    condition: str
-    holds: bool
+    add_file_option(parser, "--plot", text="write a page with the comparison")
+    add_certificate_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Derive and show; 0 when every bound is there and its condition shown, 1 when not."""
+    """Compare and show; 0 when no method refused and the condition is shown, 1 when not."""
     check_steps(args)
     writable_file(args.plot, "--plot")
+    writable_file(args.certificate, "--certificate")
     subject = chosen_subject(args)
     if args.over == "operation" and subject.region is None:
         raise InputError(
@@ -90,17 +97,51 @@ def run(args: argparse.Namespace) -> int:
         )
     outcome = _outcome(args, subject)
     if args.plot:
-        _write_page(args, outcome)
-    emit(args, _text(args, outcome), _data(args, outcome))
-    return 0 if outcome.holds and all(each.bound for each in outcome.bounds) else 1
+        from workbench.cli.comparison_page import comparison_page
+        from workbench.report.page import write_page
+
+        write_page(Path(args.plot), comparison_page(args, outcome).html())
+    certified = _certified(args, outcome) if args.certificate else None
+    text = "\n".join([_text(args, outcome), *([certified] if certified else [])])
+    emit(args, text, _data(args, outcome) | {"certificate": certified})
+    return 0 if outcome.holds and not any(each.refusal for each in outcome.found) else 1
 
 
-def _outcome(args: argparse.Namespace, subject: Subject) -> _Outcome:
-    from workbench.cli.analysis_results import derived, first_exit, hull_of, tube_of
+def _certified(args: argparse.Namespace, outcome: Outcome) -> str:
+    """Write the tightest formula as a certificate, and say so."""
+    from workbench.cli.certificate import write_certificate
 
-    started_s = time.perf_counter()
-    tube = tube_of(subject, horizon_s=args.horizon, step_s=args.step)
-    tube_cost_s = time.perf_counter() - started_s
+    bounds = [each for each in outcome.found if each.bound is not None]
+    best = min(bounds, key=lambda each: each.score, default=None)
+    if best is None or best.bound is None:
+        raise InputError(
+            "--certificate: expected a method over the region that gives a bound; add one of them "
+            "to --method, such as blocks"
+        )
+    initial_set = outcome.setting.subject.initial_set
+    slack = write_certificate(
+        args.certificate,
+        outcome.setting.subject.system,
+        best.bound,
+        initial_radius=dict(zip(initial_set.names, initial_set.radius, strict=True)),
+        instants_s=shown_instants(args.horizon),
+    )
+    raised = f", its rates raised by the share {slack:g}" if slack else ""
+    return f"wrote {args.certificate}: {best.name}{raised}; see `workbench check`"
+
+
+def _outcome(args: argparse.Namespace, subject: Subject) -> Outcome:
+    from workbench.cli.analysis_results import curve_times, first_exit, hull_of
+    from workbench.cli.comparison import Setting, compared, sampled
+    from workbench.cli.recommendation import Outcome, recommended, recommended_over_region
+    from workbench.reach import ValidatedTube
+
+    with Progress("tube", 1):
+        started_s = time.perf_counter()
+        tube = ValidatedTube(args.step).tube(
+            subject.system, initial_set=subject.initial_set, horizon_s=args.horizon
+        )
+        cost_s = time.perf_counter() - started_s
     own = subject.region if args.over != "tube" else None
     region = own or hull_of(tube)
     left = first_exit(tube, region)
@@ -110,123 +151,118 @@ def _outcome(args: argparse.Namespace, subject: Subject) -> _Outcome:
         condition = f"not shown for this initial set: {left}"
     else:
         condition = f"shown by the tube ({tube.rigor.name}) for trajectories from the initial set"
-    bounds = derived(subject, region, horizon_s=args.horizon, cells=args.cells)
+    times_s = _all_times(curve_times(args.horizon), shown_instants(args.horizon))
+    samples = sampled(subject, times_s, count=_SAMPLES, seed=_SEED)
+    setting = Setting(subject, samples, region, args.cells, args.step, tube, cost_s)
+    found = compared(setting, args.method)
     holds = tube.complete and not left
-    return _Outcome(subject, region, tube, tube_cost_s, bounds, condition, holds)
+    return Outcome(
+        setting, found, condition, holds,
+        recommended(found, condition_holds=holds),
+        recommended_over_region(found, condition_holds=holds),
+    )  # fmt: skip
 
 
-def _told(region: Box) -> str:
-    sides = zip(region.names, region.lower, region.upper, strict=True)
-    return ", ".join(f"{name} [{low:.4g}, {high:.4g}]" for name, low, high in sides)
-
-
-def _sampled(subject: Subject, times_s: Array) -> Array:
-    from workbench.cli.analysis_results import sampled_distances
-
-    return sampled_distances(subject, times_s, count=_SAMPLES, seed=_SEED)
-
-
-def _text(args: argparse.Namespace, outcome: _Outcome) -> str:
+def _all_times(curve_s: Array, instants_s: tuple[float, ...]) -> Array:
+    """The instants of the curves with those of the tables among them."""
     import numpy as np
 
-    from workbench.claims import Rigor
-    from workbench.cli.analysis_results import (
-        centre_run,
-        distance_table,
-        distances_from,
-        ending,
-        radii,
-    )
+    more = [t for t in instants_s if np.abs(curve_s - t).min() > _SAME_S]
+    return np.sort(np.append(curve_s, more))
 
-    subject, tube = outcome.subject, outcome.tube
-    times = np.array(shown_instants(args.horizon))
-    columns = {
-        "sampled": (Rigor.SAMPLED, _sampled(subject, times)),
-        "tube": (tube.rigor, distances_from(centre_run(subject, times), tube, times)),
-    }
-    rows: list[list[str | int | float | None]] = [
-        [f"sensitivity tube, step {args.step:g} s", tube.rigor.name, outcome.tube_cost_s]
+
+def _rows_at(samples: Sampled, instants_s: tuple[float, ...]) -> list[int]:
+    import numpy as np
+
+    return [int(np.argmin(np.abs(samples.times_s - t))) for t in instants_s]
+
+
+def _text(args: argparse.Namespace, outcome: Outcome) -> str:
+    from workbench.cli.analysis_results import ending
+    from workbench.cli.comparison_page import HEADINGS, row
+
+    setting, states = outcome.setting, outcome.setting.subject.system.ode.states
+    end = setting.samples.distances[-1]
+    ratio_rows: list[list[str | int | float | None]] = [
+        [each.name, *(float(value) for value in each.ratios[-1])]
+        for each in outcome.found
+        if each.rigor
     ]
-    for each in outcome.bounds:
-        if each.bound:
-            columns[each.method] = (each.bound.rigor, radii(each.bound, subject, times))
-        rows.append([each.method, each.bound.rigor.name if each.bound else "none", each.cost_s])
     return "\n".join(
         [
-            f"{subject.name}: bounds on the distance from the run that starts in the middle",
+            f"{setting.subject.name}: bounds on the distance from the run that starts in the "
+            "middle, over the largest",
+            f"distance of {_SAMPLES} sampled runs (mean: over time, then over the states)",
             "",
-            text_table(["method", "rigor", "cost (s)"], rows),
-            *(f"{each.method}: {each.refusal}" for each in outcome.bounds if each.refusal),
+            text_table(HEADINGS, [row(each) for each in outcome.found]),
+            *(f"{each.name}: {each.refusal}" for each in outcome.found if each.refusal),
             "",
-            distance_table(subject.system.ode, times, columns),
+            f"ratio at {args.horizon:g} s",
+            text_table(
+                ["method", *(state.name for state in states)],
+                [*ratio_rows, ["sampled distance", *(float(value) for value in end)]],
+            ),
             "",
-            f"region: {_told(outcome.region)}",
+            f"region of the formulas: {_told(setting.region)}",
             f"staying in the region: {outcome.condition}",
-            ending(tube),
+            ending(setting.tube),
+            outcome.best.told("recommended"),
+            outcome.best_formula.told("recommended as a formula"),
             *([f"wrote {args.plot}"] if args.plot else []),
         ]
     )
 
 
-def _data(args: argparse.Namespace, outcome: _Outcome) -> dict[str, object]:
-    import numpy as np
+def _told(region: Box) -> str:
+    sides = zip(region.names, region.lower, region.upper, strict=True)
+    return ", ".join(f"{name} [{_plain(low):.4g}, {_plain(high):.4g}]" for name, low, high in sides)
 
-    from workbench.cli.analysis_results import radii
+
+def _plain(value: float) -> float:
+    """Zero for what outward rounding makes of a zero."""
+    return value if abs(value) > _ROUNDED_ZERO else 0.0
+
+
+def _data(args: argparse.Namespace, outcome: Outcome) -> dict[str, object]:
     from workbench.cli.reach import tube_data
 
-    subject, times = outcome.subject, np.array(shown_instants(args.horizon))
-    initial_set, region = subject.initial_set, outcome.region
+    setting, subject = outcome.setting, outcome.setting.subject
+    instants_s = shown_instants(args.horizon)
+    rows = _rows_at(setting.samples, instants_s)
+    initial_set, region = subject.initial_set, setting.region
     return {
         "name": subject.name,
         "horizon_s": args.horizon,
         "states": [{"name": s.name, "unit": s.unit} for s in subject.system.ode.states],
-        "instants_s": times,
+        "instants_s": instants_s,
         "initial_set": {name: initial_set.interval(name) for name in initial_set.names},
         "region": {name: region.interval(name) for name in region.names},
         "condition_shown": outcome.holds,
         "condition": outcome.condition,
-        "bounds": [
-            {
-                "method": each.method,
-                "rigor": each.bound.rigor if each.bound else None,
-                "refusal": each.refusal or None,
-                "norm": each.bound.norm if each.bound else None,
-                "half_widths": radii(each.bound, subject, times) if each.bound else None,
-                "cost_s": each.cost_s,
-            }
-            for each in outcome.bounds
-        ],
-        "sampled": _sampled(subject, times),
-        "tube": tube_data(outcome.tube, horizon_s=args.horizon) | {"cost_s": outcome.tube_cost_s},
+        "bounds": [_bound_data(each, rows) for each in outcome.found],
+        "sampled": setting.samples.distances[rows],
+        "tube": tube_data(setting.tube, horizon_s=args.horizon) | {"cost_s": setting.tube_cost_s},
+        "recommended": {"method": outcome.best.method, "reason": outcome.best.reason},
+        "recommended_formula": {
+            "method": outcome.best_formula.method,
+            "reason": outcome.best_formula.reason,
+        },
         "plot": args.plot,
     }
 
 
-def _write_page(args: argparse.Namespace, outcome: _Outcome) -> None:
-    from workbench import __version__
-    from workbench.cli.analysis_results import curve_times, growth_section, growths
-    from workbench.report.page import Claim, Claims, Page, Section, write_page
-
-    subject, tube = outcome.subject, outcome.tube
-    ode, times = subject.system.ode, curve_times(args.horizon)
-    curves = growths(
-        subject, times, reached=_sampled(subject, times), tube=tube, bounds=outcome.bounds
-    )
-    claims = [
-        Claim(f"{each.method}: {each.bound.norm}. It holds when {each.bound.condition}.",
-              each.bound.rigor)
-        for each in outcome.bounds
-        if each.bound
-    ]  # fmt: skip
-    claims.append(Claim(f"The sensitivity tube holds up to {tube.times[-1]:g} s.", tube.rigor))
-    page = Page(
-        f"Proved bounds for {subject.name}",
-        [f"Staying in the region: {outcome.condition}."],
-        [
-            Section("What is claimed", [Claims(claims)]),
-            growth_section(curves, ode),
-        ],
-        __version__,
-        command_line("derive", args),
-    )
-    write_page(Path(args.plot), page.html())
+def _bound_data(each: Compared, rows: list[int]) -> dict[str, object]:
+    return {
+        "method": each.name,
+        "derived": each.family.value,
+        "rigor": each.rigor,
+        "refusal": each.refusal or None,
+        "statement": each.statement or None,
+        "proved_until_s": each.until_s,
+        "half_widths": each.half_widths[rows],
+        "ratios": each.ratios[rows],
+        "mean_ratios": each.mean_ratios,
+        "mean_ratio": each.score,
+        "condition": each.condition,
+        "cost_s": each.cost_s,
+    }

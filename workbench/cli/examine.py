@@ -45,7 +45,7 @@ _CELLS: Final = 256
 _TUBE_STEP_S: Final = 0.02
 _GOALS: Final = 4
 _ROUNDING: Final = 1e-9
-_TUBE: Final = "sensitivity tube"
+_TUBE: Final = "validated tube"
 _VERDICTS: Final = {
     "REFUTED": "refuted",
     "CONSISTENT": "consistent (no pair breaks it; this proves nothing)",

@@ -39,7 +39,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=True,
         help="poles, margins and one tube for the gains as they are (this is the default)",
     )
-    add_time_options(parser, step_s=0.02)
+    add_time_options(parser, step_s=0.05)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -102,9 +102,20 @@ def _margin_text(study: QuickStudy) -> str:
             found.crossover_radps,
         ]
 
-    headings = ["loop", "gain margin", "phase (deg)", "delay (s)", "crossover (rad/s)"]
+    headings = [
+        "loop",
+        "gain margin (factor)",
+        "phase margin (deg)",
+        "delay margin (s)",
+        "crossover (rad/s)",
+    ]
     rows = [row("steering", study.steering_margins), row("speed", study.speed_margins)]
-    note = [] if study.verdict.stable else ["(margins mean nothing for an unstable loop)"]
+    if not study.verdict.stable:
+        note = ["(margins mean nothing for an unstable loop)"]
+    elif min(study.steering_margins.gain_margin, study.speed_margins.gain_margin) < 1.0:
+        note = ["(a gain margin below 1: the loop gain may fall to this share, and no further)"]
+    else:
+        note = []
     return "\n".join([text_table(headings, rows), *note])
 
 

@@ -19,12 +19,15 @@ from workbench.errors import InputError
 
 COMMANDS: Final = {
     "derive": "derive a proved bound on the spread of a closed loop",
+    "check": "verify a certificate with an independent checker",
     "learn": "learn a bound from sampled trajectories",
     "examine": "hold a learned bound against the proved ones and try to refute it",
     "reach": "compute a tube that contains every trajectory",
+    "inner": "prove how tight a tube is, by validated trajectories",
     "gains": "show poles, margins and the tube for a vehicle's gains",
     "build": "compile a monitor bundle",
     "bench": "score tightness and time, side by side",
+    "campaign": "attack tubes with trajectories of random loops",
     "new": "write a runnable example of a model, a vehicle or a study",
     "doctor": "show what this machine has and what is missing",
     "replay": "run a monitor bundle over a recording",
@@ -93,14 +96,15 @@ class _Parser(argparse.ArgumentParser):
         return super().parse_known_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
-        """Leave with exit status 2 and the message, with a hint for every misspelt option."""
+        """Leave with exit status 2 and one line, with a hint for every misspelt option."""
         known = list(self._option_string_actions)
         for word in self.given:
             option = word.partition("=")[0]
             if option.startswith("--") and option not in ("--", *known):
                 near = difflib.get_close_matches(option, known, n=1)
                 message += f"; {option}: did you mean {near[0]}?" if near else ""
-        super().error(message)
+        message = message.removeprefix("argument ")
+        self.exit(WRONG_USE, f"{self.prog}: {message}; `{self.prog} --help` shows the options\n")
 
 
 def load_command(name: str) -> Command:
@@ -171,6 +175,8 @@ def _explain(name: str, error: Exception) -> int:
         return _fail(name, str(error), WRONG_USE)
     if isinstance(error, OSError):
         return _fail(name, _describe(error), WRONG_USE)
+    if isinstance(error, MemoryError):
+        return _fail(name, f"expected a task that fits in memory ({error}); ask for less", WRONG_USE)
     if isinstance(error, ImportError):
         missing = (error.name or "").partition(".")[0]
         for extra, packages in PACKAGES_OF_EXTRAS.items():

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -17,15 +15,20 @@ from workbench.cli.analysis_options import (
     check_steps,
     chosen_subject,
     command_line,
+    separate_files,
     shown_instants,
     text_table,
     writable_file,
 )
 from workbench.cli.common import write_text
 from workbench.cli.output import emit, warn
+from workbench.cli.reach_sampled import add_sampling_options, check_sampling, run_sampled
+from workbench.cli.reach_switch import add_switch_options, chosen_switch
+from workbench.cli.tube_table import limits_data, limits_text, tube_csv
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
+    from workbench.cli.reach_switch import Switch
     from workbench.reach import ReachTube
 
 HELP = (
@@ -37,6 +40,8 @@ EXAMPLE = """\
 workbench reach
 workbench reach --curvature -0.01 0.01 --parts offset=2,speed=2 --csv out/tube.csv
 workbench reach --system b1 --step 0.025 --plot out/tube.html
+workbench reach --switch-at 0.1 0.3 --step 0.05 --plot out/switch.html
+workbench reach --sampled --rate 30 --actuation-delay 0.05 0.05 --plot out/sampled.html
 """
 
 _MOST_CELLS: Final = 4096
@@ -46,12 +51,14 @@ _PLOTTED_RUNS: Final = 200
 def configure(parser: argparse.ArgumentParser) -> None:
     """Loop, time grid, partition, and the files to write."""
     add_subject_options(parser)
-    add_time_options(parser, step_s=0.02)
+    add_time_options(parser, step_s=0.05)
     parser.add_argument(
         "--parts",
         metavar="STATE=N,...",
         help="split the initial set into N parts along each state named, and take the hull",
     )
+    add_switch_options(parser)
+    add_sampling_options(parser)
     add_file_option(parser, "--csv", text="write the whole tube as a table")
     add_file_option(parser, "--plot", text="write a page with the tube and sampled trajectories")
 
@@ -59,38 +66,65 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compute and show; 0 when the tube reaches the horizon, 1 when not."""
     check_steps(args)
+    check_sampling(args)
     writable_file(args.csv, "--csv")
     writable_file(args.plot, "--plot")
+    separate_files(args, "csv", "plot")
     subject = chosen_subject(args)
     parts = _parts(args.parts, subject)
-    from workbench.cli.analysis_results import ending, first_exit, tube_of
+    if args.sampled:
+        return run_sampled(args, subject, parts)
+    switch = chosen_switch(args, subject)
+    from workbench.cli.analysis_results import first_exit, tube_of
 
-    tube = tube_of(subject, horizon_s=args.horizon, step_s=args.step, parts=parts)
-    left = first_exit(tube, subject.region) if subject.region else ""
+    if switch is None:
+        tube = tube_of(subject, horizon_s=args.horizon, step_s=args.step, parts=parts)
+    else:
+        tube = switch.tube(horizon_s=args.horizon, step_s=args.step, parts=parts)
+    region = switch.region(tube) if switch else subject.region
+    left = first_exit(tube, region) if region else ""
     if args.csv:
-        write_text(args.csv, _table(tube))
+        write_text(args.csv, tube_csv(tube))
     if args.plot:
-        _write_page(args, subject, tube)
-    written = [file for file in (args.csv, args.plot) if file]
-    text = "\n".join(
-        [
-            f"{subject.name}: half widths of the set of reachable states",
-            half_width_text(subject, tube, horizon_s=args.horizon),
-            ending(tube),
-            *(f"wrote {file}" for file in written),
-        ]
-    )
+        _write_page(args, subject, tube, switch, left)
     data = {
         "name": subject.name,
         "parts": parts,
+        "switch_between_s": args.switch_at,
         **tube_data(tube, horizon_s=args.horizon),
+        **limits_data(tube),
         "leaves_operating_region": left or None,
-        "files": written,
+        "files": _written(args),
     }
-    emit(args, text, data)
+    emit(args, _text(args, subject, tube, switch), data)
     if left:
         warn(f"the tube is not inside the vehicle's operating region: {left}")
     return 0 if tube.complete else 1
+
+
+def _written(args: argparse.Namespace) -> list[Path]:
+    return [file for file in (args.csv, args.plot) if file]
+
+
+def _text(
+    args: argparse.Namespace, subject: Subject, tube: ReachTube, switch: Switch | None
+) -> str:
+    return "\n".join(
+        [
+            f"{subject.name}: half widths of the set of reachable states"
+            + (f", {switch.words}" if switch else ""),
+            half_width_text(subject, tube, horizon_s=args.horizon),
+            *_facts(tube, switch),
+            *(f"wrote {file}" for file in _written(args)),
+        ]
+    )
+
+
+def _facts(tube: ReachTube, switch: Switch | None) -> list[str]:
+    """How the tube ends, what it proves about limits, and how to read a speed below 0."""
+    from workbench.cli.analysis_results import ending
+
+    return [ending(tube), *limits_text(tube), *(switch.reading(tube) if switch else [])]
 
 
 def half_width_text(subject: Subject, tube: ReachTube, *, horizon_s: float) -> str:
@@ -160,26 +194,9 @@ def _parts(text: str | None, subject: Subject) -> dict[str, int]:
     return parts
 
 
-def _table(tube: ReachTube) -> str:
-    """Instants and the steps between them in time order, every digit written."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    ends = [f"{name}_{end}" for name in tube.names for end in ("lower", "upper")]
-    writer.writerow(["kind", "from_s", "to_s", *ends])
-
-    def row(kind: str, span: tuple[int, int], low: list[float], high: list[float]) -> None:
-        times = [float(tube.times[k]) for k in span]
-        pairs = zip(low, high, strict=True)
-        writer.writerow([kind, *map(repr, [*times, *(end for pair in pairs for end in pair)])])
-
-    for k in range(len(tube.times)):
-        row("instant", (k, k), tube.lower_at[k].tolist(), tube.upper_at[k].tolist())
-        if k < len(tube.lower):
-            row("step", (k, k + 1), tube.lower[k].tolist(), tube.upper[k].tolist())
-    return text.getvalue()
-
-
-def _write_page(args: argparse.Namespace, subject: Subject, tube: ReachTube) -> None:
+def _write_page(
+    args: argparse.Namespace, subject: Subject, tube: ReachTube, switch: Switch | None, left: str
+) -> None:
     from workbench import __version__
     from workbench.cli.analysis_results import ending, sampled_runs, tube_curves
     from workbench.report.figures import tube_figure
@@ -188,15 +205,21 @@ def _write_page(args: argparse.Namespace, subject: Subject, tube: ReachTube) -> 
     blocks: list[Block] = []
     if not tube.complete:
         blocks.append(Notice("The proof ends early.", ending(tube)))
+    if left:
+        blocks.append(Notice("The tube is not inside the vehicle's operating region.", left))
     if len(tube.lower):
-        runs = sampled_runs(subject, horizon_s=args.horizon, count=_PLOTTED_RUNS, seed=1)
+        if switch is None:
+            runs = sampled_runs(subject, horizon_s=args.horizon, count=_PLOTTED_RUNS, seed=1)
+        else:
+            runs = switch.runs(horizon_s=args.horizon, count=_PLOTTED_RUNS, seed=1)
         blocks.append(tube_figure(tube_curves(tube, subject.system.ode), runs))
     statement = (
-        f"Every trajectory from the initial set stays in the tube up to {tube.times[-1]:g} s."
+        f"Every trajectory from the initial set{f', {switch.words},' if switch else ''} stays in "
+        f"the tube up to {tube.times[-1]:g} s."
     )
     page = Page(
         f"Reach tube of {subject.name}",
-        [ending(tube)],
+        _facts(tube, switch),
         [
             Section("What is claimed", [Claims([Claim(statement, tube.rigor)])]),
             Section("The tube", blocks),

@@ -9,16 +9,21 @@ from workbench.controllers.modes import (
     VehicleBrake,
 )
 from workbench.controllers.pid import Command, Deviation, PathFollowing, SpeedPid, SteeringPid
+from workbench.controllers.sampling import IntegralStep, Jitter, Sampling, SentCommand
 from workbench.controllers.symbols import Symbols
 
 __all__ = [
     "Command",
     "Deviation",
+    "IntegralStep",
+    "Jitter",
     "Mode",
     "ModeAction",
     "PathFollowing",
     "Reading",
     "ReferenceZeroBrake",
+    "Sampling",
+    "SentCommand",
     "SpeedPid",
     "SteeringPid",
     "Symbols",

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Protocol, final, runtime_checkable
 
 import casadi as ca
 
+from workbench.errors import InputError
+from workbench.models.atoms import EVERYTHING, Range
+from workbench.models.continuity import Branchless, has_branches, without_branches
+from workbench.models.operations import checked_graph
 from workbench.models.signals import Ranged, Signal
 
 
@@ -18,7 +23,11 @@ class Ode:
     states, parameters, disturbances: the signals, in the order of the entries of the symbol vectors
     `x` (n x 1), `p` (n_p x 1), `w` (n_w x 1). `field` is the n x 1 SX expression in these symbols.
     `outputs`: named scalar expressions of (x, p, w), such as the commands before their limits.
-    Raises ValueError when sizes, names or symbols do not fit together.
+    `constants`: states whose derivative is 0, with the range that whoever analyses this equation
+    keeps them in; only proofs of continuity use it.
+    Raises ValueError when sizes, names or symbols do not fit together, and InputError naming an
+    operation that is not supported (see `operations`), a constant that is not finite, or an
+    if_else in the field whose continuity is not proved (see `continuity`).
     """
 
     name: str
@@ -30,6 +39,7 @@ class Ode:
     w: ca.SX
     field: ca.SX
     outputs: tuple[tuple[str, ca.SX], ...] = ()
+    constants: tuple[Ranged, ...] = ()
 
     def __post_init__(self) -> None:
         groups: tuple[tuple[str, ca.SX, tuple[Signal | Ranged, ...]], ...] = (
@@ -59,6 +69,34 @@ class Ode:
                 f"{self.name}: the field uses symbols {free} that are neither state, parameter nor "
                 "disturbance; list them as one of these"
             )
+        moving = [c.name for c in self.constants if not self._rests(c.name)]
+        if moving:
+            raise InputError(f"{self.name}: expected constants whose derivative is 0, got {moving}")
+        self._check_expressions()
+
+    def _rests(self, name: str) -> bool:
+        return name in self.names and bool(self.field[self.names.index(name)].is_zero())
+
+    def _check_expressions(self) -> None:
+        arguments = [self.x, self.p, self.w]
+        for name, expression in self.outputs:
+            function = ca.Function("output", arguments, [expression])
+            checked_graph(function, f"{self.name}: the output {name!r}")
+        self.branchless_field()
+
+    def branchless_field(self) -> Branchless | None:
+        """The field with every if_else replaced by fmin and fmax; None where it has none."""
+        where = f"{self.name}: the field"
+        graph = checked_graph(self.function(), where)
+        if not has_branches(graph):
+            return None
+        known = {signal.name: signal for signal in (*self.constants, *self.parameters)}
+        known.update((signal.name, signal) for signal in self.disturbances)
+        ranges = [
+            [_range(known.get(signal.name)) for signal in signals]
+            for signals in (self.states, self.parameters, self.disturbances)
+        ]
+        return without_branches(graph, (self.x, self.p, self.w), ranges, where=where)
 
     @property
     def ode(self) -> Ode:
@@ -77,6 +115,10 @@ class Ode:
     def parameter_values(self) -> list[float]:
         """Nominal parameter values, in order."""
         return [parameter.nominal for parameter in self.parameters]
+
+
+def _range(signal: Ranged | None) -> Range:
+    return EVERYTHING if signal is None else (Fraction(signal.lower), Fraction(signal.upper))
 
 
 @runtime_checkable

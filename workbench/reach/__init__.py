@@ -1,22 +1,57 @@
 """Reach tubes of closed loops and their separation from people."""
 
+from workbench.reach.certified.frame_tube import FrameTube
 from workbench.reach.compute import Partitioned, TubeMethod, compute_tube
+from workbench.reach.findings.encounter import Encounter
+from workbench.reach.findings.finding import Finding, FindingEffort, Outcome, explain_separation
+from workbench.reach.inner.extremes import SearchEffort
+from workbench.reach.inner.hull import InnerHull, inner_hull, proved_ratio
+from workbench.reach.local import (
+    LocalBlocks,
+    LocalEuclidean,
+    LocalGrowth,
+    LocalLagrangian,
+    LocalMethod,
+    LocalMetric,
+    LocalNorm,
+)
+from workbench.reach.sampled_data.tube import SampledTube
 from workbench.reach.sensitivity_tube import SensitivityTube
 from workbench.reach.separation import PathGround, PlaneGround, Separation, check_separation
+from workbench.reach.switching.tube import Switched
 from workbench.reach.tube import KinkRecord, ReachTube, TubeStatus
 from workbench.reach.validated.tube import ValidatedTube
 
 __all__ = [
+    "Encounter",
+    "Finding",
+    "FindingEffort",
+    "FrameTube",
+    "InnerHull",
     "KinkRecord",
+    "LocalBlocks",
+    "LocalEuclidean",
+    "LocalGrowth",
+    "LocalLagrangian",
+    "LocalMethod",
+    "LocalMetric",
+    "LocalNorm",
+    "Outcome",
     "Partitioned",
     "PathGround",
     "PlaneGround",
     "ReachTube",
+    "SampledTube",
+    "SearchEffort",
     "SensitivityTube",
     "Separation",
+    "Switched",
     "TubeMethod",
     "TubeStatus",
     "ValidatedTube",
     "check_separation",
     "compute_tube",
+    "explain_separation",
+    "inner_hull",
+    "proved_ratio",
 ]

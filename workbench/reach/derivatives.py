@@ -12,7 +12,7 @@ from typing import final
 
 import casadi as ca
 
-from workbench.sensitivity.graph import graph_of
+from workbench.models.graph import graph_of
 from workbench.sensitivity.kinks import RelaxedForm, SmoothForm
 
 

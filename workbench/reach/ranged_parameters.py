@@ -34,6 +34,7 @@ def with_ranged_parameters_as_states(ode: Ode) -> Ode:
         w=ode.w,
         field=ca.vertcat(ode.field, ca.SX.zeros(len(ranged))),
         outputs=ode.outputs,
+        constants=(*ode.constants, *(ode.parameters[i] for i in ranged)),
     )
 
 

@@ -21,8 +21,19 @@ from workbench.runtime.path import PathTable
 class Ground(Protocol):
     """How states become places: says for one segment of a tube where its states are."""
 
+    @property
+    def names(self) -> tuple[str, str, str]:
+        """The states it reads: along the path, across it, and the heading's."""
+
+    @property
+    def rigor(self) -> Rigor:
+        """How far the places themselves are proved."""
+
     def places(self, lower: dict[str, float], upper: dict[str, float]) -> Places:
         """The node frame, the box in it and the curvature for states in [lower, upper]."""
+
+    def poses(self, states: Array) -> Array:
+        """x (m), y (m) and heading (rad), (..., 3), of `states` (..., 3); floats, for searching."""
 
 
 @final
@@ -42,6 +53,20 @@ class Places:
 class PlaneGround:
     """Tubes over x, y and heading in the plane: the x axis is the path."""
 
+    @property
+    def names(self) -> tuple[str, str, str]:
+        """The pose itself."""
+        return "x", "y", "heading"
+
+    @property
+    def rigor(self) -> Rigor:
+        """Nothing is added to the states."""
+        return Rigor.ENCLOSED
+
+    def poses(self, states: Array) -> Array:
+        """The states themselves."""
+        return states
+
     def places(self, lower: dict[str, float], upper: dict[str, float]) -> Places:
         """The states themselves, seen from the origin."""
         low, high = ((s["x"], s["y"], s["heading"]) for s in (lower, upper))
@@ -54,6 +79,34 @@ class PathGround:
     """Tubes over station, offset and heading_error along `path`."""
 
     path: PathTable
+
+    @property
+    def names(self) -> tuple[str, str, str]:
+        """The coordinates along the path."""
+        return "station", "offset", "heading_error"
+
+    @property
+    def rigor(self) -> Rigor:
+        """The table's nodes and curvatures are taken from measurement."""
+        return Rigor.NUMERICAL
+
+    def poses(self, states: Array) -> Array:
+        """Seen from the nearest node, with the curvature of the bin in between."""
+        path = self.path
+        station, offset, error = (states[..., i] for i in range(3))
+        place = (np.nan_to_num(station) - path.start_m) / path.spacing_m
+        j = np.clip(np.rint(place), 0, len(path.x) - 1).astype(int)
+        bins = np.clip(np.floor(place), 0, len(path.x) - 2).astype(int)
+        curvature = 0.5 * (np.array(path.curvature_lower) + np.array(path.curvature_upper))[bins]
+        delta = station - (path.start_m + j * path.spacing_m)
+        turn = curvature * delta
+        chord = delta * np.sinc(0.5 * turn / np.pi)
+        along = chord * np.cos(0.5 * turn) - offset * np.sin(turn)
+        across = chord * np.sin(0.5 * turn) + offset * np.cos(turn)
+        c, s = (f(np.array(path.heading)[j]) for f in (np.cos, np.sin))
+        x, y = (np.array(ends)[j] for ends in (path.x, path.y))
+        heading = np.array(path.heading)[j] + error + turn
+        return np.stack([x + along * c - across * s, y + along * s + across * c, heading], axis=-1)
 
     def places(self, lower: dict[str, float], upper: dict[str, float]) -> Places:
         """Seen from the node nearest to the middle station. InputError off the path table."""
@@ -85,8 +138,8 @@ class Separation:
 
     clearance_m: smallest proved clearance, inf with nobody; time_s: start of its segment;
     person: who; occupancy (K x 5): one rectangle per segment that contains the body: centre x, y
-    (m), heading (rad), half length, half width (m), NaN where none was found; rigor: that of the
-    tube, capped at NUMERICAL for the path table.
+    (m), heading (rad), half length, half width (m), NaN where none was found; rigor: the weaker one
+    of the tube's and the ground's.
     """
 
     verdict: Verdict
@@ -129,7 +182,7 @@ def check_separation(
     verdict = Verdict.SAFE if safe else Verdict.UNPROVED
     return Separation(
         verdict if tube.complete else Verdict.INVALID, smallest, when, who, occupancy,
-        weakest(tube.rigor, Rigor.NUMERICAL),
+        weakest(tube.rigor, ground.rigor),
     )  # fmt: skip
 
 

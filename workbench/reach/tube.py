@@ -35,8 +35,8 @@ class KinkRecord:
     """What a tube has decided about the kinks (limits, clips, absolute values) of its field.
 
     decided_share (K, n_kinks): share of the steps and cells of a row in which the kink lay on one
-    of its branches throughout; linear (K, n_kinks): whether it lay strictly between its limits for
-    all of the row. Both proved to the tube's rigor.
+    of its branches throughout; linear (K, n_kinks): whether it never went beyond its limits in the
+    row. Both proved to the tube's rigor.
     """
 
     decided_share: Array

@@ -12,16 +12,21 @@ from workbench.report.page import escaped
 
 Cell = str | int | float | None
 
+# Outward rounding makes numbers of this size out of an exact zero.
+_ROUNDED_ZERO = 1e-200
+
 
 def shown(cell: Cell) -> str:
     """A cell as text: four significant digits, a dash for nothing.
 
-    >>> shown(0.123456), shown(None), shown(7), shown("x")
-    ('0.1235', '–', '7', 'x')
+    >>> shown(0.123456), shown(None), shown(7), shown("x"), shown(5e-324)
+    ('0.1235', '–', '7', 'x', '0')
     """
     if cell is None:
         return "–"
     if isinstance(cell, float):
+        if abs(cell) < _ROUNDED_ZERO:
+            return "0"
         return f"{cell:.4g}" if math.isfinite(cell) else {True: "∞", False: "–"}[cell == math.inf]
     return str(cell)
 

@@ -10,6 +10,8 @@ from typing import Protocol, final
 from workbench.claims import Rigor
 from workbench.errors import InputError
 from workbench.models.system import System
+from workbench.sensitivity.inputs import Inputs
+from workbench.sensitivity.jacobian import Cells
 from workbench.sets.box import Box
 
 
@@ -21,13 +23,25 @@ class Growth(Protocol):
 
 
 @final
+@dataclass(frozen=True, slots=True, eq=False)
+class Proof:
+    """What a proved growth was derived from: the inputs assumed, and the cells of the region.
+
+    Every inequality behind the growth holds for every matrix of every cell's Jacobian hull.
+    """
+
+    inputs: Inputs
+    cells: Cells
+
+
+@final
 @dataclass(frozen=True, slots=True)
 class Discrepancy:
     """|x_i(t) - x'_i(t)| <= radius(initial_radius, t)_i for two trajectories of one system.
 
     names: the states, in order. region: where the claim holds (`condition` says for which
     trajectories); axes that it leaves out are unrestricted. horizon_s: the claim ends there. norm:
-    in words and formula.
+    in words and formula. proof: what can be re-checked; None for learned bounds.
     """
 
     names: tuple[str, ...]
@@ -37,6 +51,7 @@ class Discrepancy:
     rigor: Rigor
     condition: str
     growth: Growth
+    proof: Proof | None = None
 
     def radius(
         self, initial_radius: Mapping[str, float] | Sequence[float], t_s: float
@@ -94,10 +109,11 @@ def derive_discrepancy(
     """Prove how far two trajectories in `region` can spread.
 
     region: a box over the states in their units; an axis may be left out where the Jacobian does
-    not depend on it. horizon_s: end of the claim. method: for example `GrowthMatrix(cells=256)`.
-    Both trajectories must stay in `region` and share parameters and disturbances; a reach tube
-    shows the former. Rigor as the method states it. Raises InputError where the field has no
-    derivative or its Jacobian cannot be enclosed on the region.
+    not depend on it. horizon_s: end of the claim. method: for example
+    `GrowthMatrix(cells=256, inputs=Inputs.SHARED)`.
+    Both trajectories must stay in `region`, as a reach tube shows; the method's `inputs` say which
+    parameters and disturbances they have. Rigor as the method states it. Raises InputError where
+    the field has no derivative or its Jacobian cannot be enclosed on the region.
     """
     _check_horizon(horizon_s)
     unknown = sorted(set(region.names) - set(system.ode.names))

@@ -9,8 +9,9 @@ from typing import final
 import casadi as ca
 
 from workbench.errors import InputError
+from workbench.models.continuity import branches_of_sum
+from workbench.models.graph import Graph, Node, graph_of
 from workbench.sensitivity import elementary, logic
-from workbench.sensitivity.graph import Graph, Node, graph_of
 from workbench.sensitivity.intervals import HIGHEST_POWER, SymbolicInterval
 from workbench.sensitivity.validity import Validity
 
@@ -22,13 +23,20 @@ _UNARY: dict[str, Callable[[SymbolicInterval], SymbolicInterval]] = {
     "twice": lambda x: x.scale(2.0),
     "inv": lambda x: 1.0 / x,
     "not": logic.logical_not,
-    **{name: getattr(elementary, name) for name in elementary.__all__},
+    **{
+        name: getattr(elementary, name)
+        for name in elementary.__all__
+        if name not in ("atan2", "power")
+    },
 }
 _BINARY: dict[str, Callable[[SymbolicInterval, SymbolicInterval], SymbolicInterval]] = {
     "add": SymbolicInterval.__add__,
     "sub": SymbolicInterval.__sub__,
     "mul": SymbolicInterval.__mul__,
     "div": SymbolicInterval.__truediv__,
+    "atan2": elementary.atan2,
+    "pow": elementary.power,
+    "constpow": elementary.power,
     "fmin": SymbolicInterval.minimum,
     "fmax": SymbolicInterval.maximum,
     "lt": logic.less,
@@ -39,7 +47,6 @@ _BINARY: dict[str, Callable[[SymbolicInterval, SymbolicInterval], SymbolicInterv
     "or": logic.logical_or,
     "if_else_zero": logic.if_else_zero,
 }
-_POWERS = frozenset({"pow", "constpow"})
 
 
 @final
@@ -164,17 +171,14 @@ def _value(
     operands = [values[index] for index in node.operands]
     if node.name in _UNARY:
         return _UNARY[node.name](operands[0])
-    if node.name == "add":
-        branches = _branches(node, graph)
-        if branches is not None:
-            return logic.if_else(*(values[index] for index in branches))
+    branches = branches_of_sum(node, graph)
+    if branches is not None:
+        return logic.if_else(*(values[index] for index in branches))
     if node.name in _BINARY:
         return _BINARY[node.name](operands[0], operands[1])
-    if node.name in _POWERS:
-        return _power(operands[0], operands[1].constant)
     raise InputError(
         f"no interval rule for the operation {node.name!r}; rules exist for "
-        f"{', '.join(sorted({*_UNARY, *_BINARY}))} and integer powers: rewrite the model with these"
+        f"{', '.join(sorted({*_UNARY, *_BINARY}))}: rewrite the model with these"
     )
 
 
@@ -190,29 +194,6 @@ def _powers(graph: Graph) -> list[tuple[int, int]]:
         known = node.name in ("sq", "mul") and len(bases) == 1 and exponent <= HIGHEST_POWER
         powers.append((bases.pop(), exponent) if known else (index, 1))
     return powers
-
-
-def _branches(node: Node, graph: Graph) -> tuple[int, int, int] | None:
-    """(condition, value, other) when `node` is CasADi's sum form of if_else."""
-    first, second = (graph.nodes[index] for index in node.operands)
-    if first.name != "if_else_zero" or second.name != "if_else_zero":
-        return None
-    for taken, left in ((first, second), (second, first)):
-        condition = graph.nodes[left.operands[0]]
-        if condition.name == "not" and condition.operands[0] == taken.operands[0]:
-            return taken.operands[0], taken.operands[1], left.operands[1]
-    return None
-
-
-def _power(base: SymbolicInterval, exponent: float | None) -> SymbolicInterval:
-    if exponent is not None and exponent == 0.5:
-        return base.sqrt()
-    if exponent is None or not exponent.is_integer():
-        raise InputError(
-            f"no interval rule for the operation 'pow' with exponent {exponent}; expected an "
-            "integer constant: write other powers as exp(exponent * log(base))"
-        )
-    return base.power(int(exponent))
 
 
 def _symbols(function: ca.Function, index: int, end: str) -> ca.SX:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from decimal import Decimal
 from typing import final
 
 import casadi as ca
@@ -12,9 +11,9 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.models.system import System
-from workbench.sensitivity.inclusion import inclusion
-from workbench.sensitivity.kinks import SmoothForm, generalised_jacobian, smooth_form
-from workbench.sensitivity.vectorised import Array, Index, Vectorised
+from workbench.sensitivity.kink_ranges import KinkRanges, lifted
+from workbench.sensitivity.kinks import generalised_jacobian, smooth_form
+from workbench.sensitivity.vectorised import Array, Index
 from workbench.sets.box import Box
 
 
@@ -49,7 +48,7 @@ class IntervalJacobian:
     operation is outward rounded. Raises InputError for a field that has no derivative.
     """
 
-    __slots__ = ("_constant", "_drivers", "_form", "_jacobian", "axes")
+    __slots__ = ("_jacobian", "_kinks", "_names", "axes")
 
     def __init__(self, system: System) -> None:
         form = smooth_form(system.ode)
@@ -64,51 +63,29 @@ class IntervalJacobian:
             [*names, "selector"],
             ["value"],
         )
-        self._form = form
-        self._jacobian = _lifted(jacobian)
-        kinks = ca.densify(ca.vertcat(form.drivers, form.floor, form.ceiling))
-        self._drivers = _lifted(ca.Function("drivers", shared, [kinks], names, ["value"]))
+        self._names = ode.names
+        self._jacobian = lifted(jacobian)
+        self._kinks = KinkRanges(form)
         used = ca.which_depends(ca.vertcat(ca.vec(expression), form.drivers), x, 1, False)
         self.axes: tuple[int, ...] = tuple(np.flatnonzero(used).tolist())
-        self._constant = _parameter_ranges(form)
 
     def on(self, lower: Array, upper: Array) -> Cells:
         """Enclosures on the cells lower <= x <= upper, both (C, n)."""
         count, size = lower.shape
         x = (np.ascontiguousarray(lower.T), np.ascontiguousarray(upper.T))
-        kappa, selector = self._kinks(x, count)
-        low, high, valid = self._jacobian([x, *self._constant, kappa, selector])
+        kinks = self._kinks.on(x)
+        low, high, valid = self._jacobian([x, *self._kinks.constant, kinks.kappa, kinks.driver])
         good = (valid == 1.0) & np.isfinite(low).all(axis=0) & np.isfinite(high).all(axis=0)
         low = np.where(good, low, -np.inf).T.reshape(count, size, size).transpose(0, 2, 1)
         high = np.where(good, high, np.inf).T.reshape(count, size, size).transpose(0, 2, 1)
         return Cells(lower, upper, low, high)
-
-    def _kinks(
-        self, x: tuple[Array, Array], count: int
-    ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        size = self._form.kappa.numel()
-        kappa = (np.zeros((size, count)), np.zeros((size, count)))
-        selector = (np.zeros((size, count)), np.ones((size, count)))
-        # Driver i depends on earlier kappa only: after pass i the first i + 1 are final.
-        for i in range(size):
-            low, high, valid = self._drivers([x, *self._constant, kappa])
-            driver, floor, ceiling = ((low[row], high[row]) for row in (i, size + i, 2 * size + i))
-            known = valid == 1.0
-            for end, infinite in ((0, -np.inf), (1, np.inf)):
-                clipped = np.minimum(np.maximum(driver[end], floor[end]), ceiling[end])
-                kappa[end][i] = np.where(known, clipped, infinite)
-            inside = (driver[0] > floor[1]) & (driver[1] < ceiling[0])
-            outside = (driver[1] < floor[0]) | (driver[0] > ceiling[1])
-            selector[0][i] = np.where(known & inside, 1.0, 0.0)
-            selector[1][i] = np.where(known & outside, 0.0, 1.0)
-        return kappa, selector
 
     def start(self, region: Box) -> Cells:
         """One cell: the region, with unrestricted axes that the Jacobian does not feel set to 0.
 
         Raises InputError naming an axis that the region lacks although the Jacobian depends on it.
         """
-        names = self._form.ode.names
+        names = self._names
         missing = [names[i] for i in self.axes if names[i] not in region.names]
         if missing:
             raise InputError(
@@ -200,47 +177,3 @@ def _joined(parts: list[Cells]) -> Cells:
         np.concatenate([part.jacobian_lower for part in parts]),
         np.concatenate([part.jacobian_upper for part in parts]),
     )
-
-
-def _lifted(
-    function: ca.Function,
-) -> Callable[[list[tuple[Array, Array]]], tuple[Array, Array, Array]]:
-    """Inclusion function of `function` (one output "value"): (lower, upper) pairs by position."""
-    lifted = inclusion(function)
-    evaluate = Vectorised(lifted)
-    position = {name: k for k, name in enumerate(function.name_in())}
-    slots = [
-        (position[name.rsplit("_", 1)[0]], 0 if name.endswith("_lower") else 1)
-        for name in lifted.name_in()
-    ]
-    outputs = lifted.name_out()
-    order = [outputs.index(name) for name in ("value_lower", "value_upper", "valid")]
-
-    def run(arguments: list[tuple[Array, Array]]) -> tuple[Array, Array, Array]:
-        with np.errstate(all="ignore"):
-            results = evaluate(*[arguments[k][end] for k, end in slots])
-        low, high, valid = (results[k] for k in order)
-        return low, high, valid[0]
-
-    return run
-
-
-def _parameter_ranges(form: SmoothForm) -> list[tuple[Array, Array]]:
-    """Intervals of the parameters with the graph's constants, and of the disturbances."""
-    known = [_decimal_hull(value) for value in form.constants]
-    ranges = [(_decimal_hull(r.lower)[0], _decimal_hull(r.upper)[1]) for r in form.ode.parameters]
-    felt = [(r.lower, r.upper) for r in form.ode.disturbances]
-    return [
-        (
-            np.array([[low] for low, _ in ends]).reshape(-1, 1),
-            np.array([[high] for _, high in ends]).reshape(-1, 1),
-        )
-        for ends in ([*ranges, *known], felt)
-    ]
-
-
-def _decimal_hull(value: float) -> tuple[float, float]:
-    """Interval with both the double and the decimal number it prints as (0.1 is no double)."""
-    if Decimal(value) == Decimal(repr(value)):
-        return value, value
-    return float(np.nextafter(value, -np.inf)), float(np.nextafter(value, np.inf))

@@ -7,30 +7,29 @@ clip(d, -1e300, 0):
 
     fmin(a, b) = b + min(a - b, 0),   fmax(a, b) = b - min(b - a, 0),   fabs(a) = a - 2 min(a, 0).
 
+An if_else whose continuity is proved is written with these first (`models.continuity`).
+
 The remaining graph is smooth in (x, p, w, kappa). Constants that folding could round become extra
-parameters, so that CasADi cannot merge them ((0.1 x) 0.3 would become 0.03 x).
+parameters, so that CasADi cannot merge them ((0.1 x) 0.3 would become 0.03 x). Only integer
+exponents and k / 16 stay: the first derivatives c b^(c - 1), c (c - 1) b^(c - 2), ... fold exactly.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import final
 
 import casadi as ca
 
-from workbench.errors import InputError
+from workbench.models.graph import Graph, Node
+from workbench.models.literals import Literals
+from workbench.models.operations import checked_graph
 from workbench.models.system import Ode
-from workbench.sensitivity.graph import Graph, Node, graph_of
+from workbench.sensitivity.elementary_power import is_root_power
+from workbench.sensitivity.intervals import HIGHEST_POWER
 
-_NOT_DIFFERENTIABLE = frozenset({
-    "lt", "le", "eq", "ne", "not", "and", "or", "if_else_zero", "sign", "floor", "ceil", "fmod",
-    "remainder", "copysign",
-})  # fmt: skip
 # A clip without lower limit; far below every driver and far from overflow in every product.
 _NO_FLOOR = ca.SX(-1e300)
-# Products of these with any double are exact, so CasADi's folding cannot change them.
-_FOLDS_EXACTLY = {0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5}
 
 
 @final
@@ -74,14 +73,17 @@ class RelaxedForm:
 
 
 def smooth_form(ode: Ode) -> SmoothForm:
-    """Take the kinks out of `ode`. Raises InputError naming an operation without a derivative."""
-    function = ode.function()
-    builder = _Builder([ode.x, ode.p, ode.w])
-    outputs = builder.run(function)
+    """Take the kinks out of `ode`, whose operations were checked when it was made."""
+    branchless = ode.branchless_field()
+    literals = Literals() if branchless is None else branchless.literals
+    inputs = [ode.x, ode.p, ode.w, *literals.symbols]
+    field = ode.field if branchless is None else ca.vertcat(*branchless.outputs[0])
+    builder = _Builder(inputs, literals)
+    outputs = builder.run(ca.Function("field", inputs, [field]))
     return SmoothForm(
         ode=ode,
-        p=ca.vertcat(ode.p, *builder.constant_symbols),
-        constants=tuple(builder.constant_values),
+        p=ca.vertcat(ode.p, *literals.symbols),
+        constants=tuple(literals.values),
         kappa=_stacked(builder.kappa),
         field=outputs,
         drivers=_stacked(builder.drivers),
@@ -141,16 +143,15 @@ def _substitute(expression: ca.SX, symbols: ca.SX, values: list[ca.SX]) -> ca.SX
 class _Builder:
     """Rebuilds a Function's graph instruction by instruction."""
 
-    def __init__(self, inputs: list[ca.SX]) -> None:
+    def __init__(self, inputs: list[ca.SX], literals: Literals) -> None:
         self._inputs = inputs
+        self._literals = literals
         self.kappa: list[ca.SX] = []
         self.drivers: list[ca.SX] = []
         self.limits: list[tuple[ca.SX, ca.SX]] = []
-        self.constant_symbols: list[ca.SX] = []
-        self.constant_values: list[float] = []
 
     def run(self, function: ca.Function) -> ca.SX:
-        graph = graph_of(function)
+        graph = checked_graph(function, "the field")
         values: list[ca.SX] = []
         uses = [operand for node in graph.nodes for operand in node.operands]
         for node in graph.nodes:
@@ -165,13 +166,7 @@ class _Builder:
         if node.element is not None:
             return ca.vec(self._inputs[node.element[0]])[node.element[1]]
         if node.constant is not None:
-            return self._constant(node.constant)
-        if node.name in _NOT_DIFFERENTIABLE:
-            raise InputError(
-                f"the field uses {node.name!r}, whose derivative CasADi takes as 0; write the law "
-                "with "
-                "fmin, fmax or fabs so that it stays continuous"
-            )
+            return self._literals.of(node.constant)
         operands = [values[index] for index in node.operands]
         if node.name == "fmin":
             clip = self._clip(node, graph, values, uses)
@@ -185,6 +180,8 @@ class _Builder:
             return operands[0] - 2 * self._kink(operands[0])
         if len(operands) == 1:
             return ca.SX.unary(node.operation, operands[0])
+        if node.name in ("pow", "constpow"):
+            return _power(operands, graph.nodes[node.operands[1]].constant)
         return ca.SX.binary(node.operation, operands[0], operands[1])
 
     def _is_inner(self, index: int, graph: Graph, uses: list[int]) -> bool:
@@ -200,10 +197,14 @@ class _Builder:
 
     def _is_parameter(self, index: int, graph: Graph) -> bool:
         node = graph.nodes[index]
-        return node.constant is not None or (node.element is not None and node.element[0] == 1)
+        # Input 1 holds the parameters, inputs from 3 on constants.
+        return node.constant is not None or (
+            node.element is not None and node.element[0] not in (0, 2)
+        )
 
     def _fixed(self, value: ca.SX) -> bool:
-        known = {s.element_hash() for s in (*ca.vertsplit(self._inputs[1]), *self.constant_symbols)}
+        symbols = (*ca.vertsplit(self._inputs[1]), *self._literals.symbols)
+        known = {symbol.element_hash() for symbol in symbols}
         return all(s.element_hash() in known for s in ca.symvar(value))
 
     def _clip(self, node: Node, graph: Graph, values: list[ca.SX], uses: list[int]) -> ca.SX | None:
@@ -216,16 +217,6 @@ class _Builder:
             return None
         return self._kink(driver, floor, values[limit])
 
-    def _constant(self, value: float) -> ca.SX:
-        if not math.isfinite(value):
-            raise InputError(f"the field holds the constant {value}; expected finite constants")
-        if value in _FOLDS_EXACTLY:
-            return ca.SX(value)
-        if value not in self.constant_values:
-            self.constant_values.append(value)
-            self.constant_symbols.append(ca.SX.sym(f"constant_{len(self.constant_values)}"))
-        return self.constant_symbols[self.constant_values.index(value)]
-
     def _kink(
         self, driver: ca.SX, floor: ca.SX | None = None, ceiling: ca.SX | None = None
     ) -> ca.SX:
@@ -236,3 +227,11 @@ class _Builder:
             (_NO_FLOOR if floor is None else floor, ca.SX(0) if ceiling is None else ceiling)
         )
         return symbol
+
+
+def _power(operands: list[ca.SX], exponent: float | None) -> ca.SX:
+    if exponent is not None and (
+        is_root_power(exponent) or (exponent.is_integer() and abs(exponent) <= HIGHEST_POWER)
+    ):
+        return ca.SX.binary(ca.OP_CONSTPOW, operands[0], ca.SX(exponent))
+    return ca.SX.binary(ca.OP_POW, operands[0], operands[1])

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import InputError
-from workbench.sensitivity.graph import Node, graph_of
+from workbench.models.graph import Node, graph_of
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]

@@ -14,17 +14,16 @@ from scipy.optimize import linprog
 from workbench.claims import Rigor
 from workbench.errors import InputError
 from workbench.models.system import System
-from workbench.sensitivity.discrepancy import Discrepancy
+from workbench.sensitivity.discrepancy import Discrepancy, Proof
+from workbench.sensitivity.inputs import Inputs, mismatch
 from workbench.sensitivity.jacobian import Cells, IntervalJacobian, refined, require_enclosed
-from workbench.sensitivity.rounding import exp_up, mul_up, sum_up, up
+from workbench.sensitivity.rounding import exp_integral_up, exp_up, mul_up, sum_up, up
 from workbench.sensitivity.vectorised import Array
 from workbench.sets.box import Box
 
-PROVED_CONDITION = (
-    "both trajectories stay in the region up to the time asked for, with the same parameters "
-    "(constant) and the same disturbances (as functions of time) within their ranges"
-)
 _RATES_TRIED = 24
+# A half width below this is no unit to measure a state in.
+_LEAST_UNIT = 1e-100
 
 
 class Norm(enum.Enum):
@@ -37,19 +36,29 @@ class Norm(enum.Enum):
 @final
 @dataclass(frozen=True, slots=True)
 class ExponentialGrowth:
-    """||e(t)|| <= e^(rate t) ||e(0)|| in the norm with `weights` (1 / the states' units)."""
+    """||e(t)|| <= e^(c t) ||e(0)|| + int_0^t e^(c s) ds ||mismatch||.
+
+    norm, weights: the norm, one weight > 0 per state (1 / the states' units); rate_per_s: c;
+    mismatch: one bound >= 0 per state on what different inputs add to its rate.
+    """
 
     norm: Norm
     weights: tuple[float, ...]
     rate_per_s: float
+    mismatch: tuple[float, ...]
 
     def half_widths(self, initial: tuple[float, ...], t_s: float) -> tuple[float, ...]:
-        """e^(c t) ||initial|| / w_i, rounded up."""
-        terms = [mul_up(w, r) for w, r in zip(self.weights, initial, strict=True)]
-        norm = max(terms) if self.norm is Norm.MAX else sum_up(terms)
+        """The bound divided by the weights, rounded up."""
         exponent = up(self.rate_per_s * t_s) if t_s and self.rate_per_s else 0.0
-        grown = mul_up(norm, exp_up(exponent) if exponent else 1.0)
+        grown = mul_up(self._norm(initial), exp_up(exponent) if exponent else 1.0)
+        felt = self._norm(self.mismatch)
+        if felt:
+            grown = sum_up((grown, mul_up(felt, exp_integral_up(self.rate_per_s, t_s))))
         return tuple(up(grown / w) if grown else 0.0 for w in self.weights)
+
+    def _norm(self, vector: tuple[float, ...]) -> float:
+        terms = [mul_up(w, r) for w, r in zip(self.weights, vector, strict=True)]
+        return max(terms) if self.norm is Norm.MAX else sum_up(terms)
 
 
 @final
@@ -62,14 +71,16 @@ class WeightedNorm:
     relative growth max_i |e_i(T)| / s_i over the horizon, from initial distances s_j, the region's
     half widths (one linear program per rate; its answer is only a proposal, c is computed
     afterwards by outward-rounded arithmetic). cells: the region is split into about this many,
-    where mu is largest. Needs both trajectories in the (convex) region, same parameters and
-    disturbances for both. Rigor ENCLOSED. Raises InputError where the Jacobian cannot be enclosed.
+    where mu is largest. inputs: what the trajectories share; what they do not enters as
+    `ExponentialGrowth.mismatch`. Needs both trajectories in the (convex) region. Rigor
+    ENCLOSED. Raises InputError where the Jacobian cannot be enclosed.
     Source: Maidens and Arcak, IEEE TAC 60(1), 2015.
     """
 
     norm: Norm
     weights: Mapping[str, float] | None
     cells: int
+    inputs: Inputs
 
     def __post_init__(self) -> None:
         if self.cells < 1:
@@ -83,9 +94,9 @@ class WeightedNorm:
         names = system.ode.names
         jacobian = IntervalJacobian(system)
         cells = jacobian.start(region)
-        scale = _half_widths(names, region)
+        scale = half_widths(names, region)
         if self.weights is not None:
-            weights = _given(names, self.weights)
+            weights = given_weights(names, self.weights)
         else:
             cells = self._split(jacobian, cells, 1.0 / scale, self.cells // 2)
             weights = _optimal(cells.magnitude, scale, horizon_s=horizon_s, norm=self.norm)
@@ -97,6 +108,7 @@ class WeightedNorm:
             self.norm,
             tuple(weights.tolist()),
             float(measures(cells.magnitude, weights, self.norm).max()),
+            mismatch(system, region=region, inputs=self.inputs, cells=cells),
         )
         kind = "max_i w_i |e_i|" if self.norm is Norm.MAX else "sum_i w_i |e_i|"
         return Discrepancy(
@@ -105,8 +117,9 @@ class WeightedNorm:
             horizon_s=horizon_s,
             rigor=Rigor.ENCLOSED,
             norm=f"weighted: ||e(t)|| <= exp(c t) ||e(0)||, ||e|| = {kind}",
-            condition=PROVED_CONDITION,
+            condition=self.inputs.condition,
             growth=growth,
+            proof=Proof(self.inputs, cells),
         )
 
     def _split(
@@ -194,12 +207,15 @@ def _undominated(matrices: Array) -> list[Array]:
     return result
 
 
-def _half_widths(names: tuple[str, ...], region: Box) -> Array:
+def half_widths(names: tuple[str, ...], region: Box) -> Array:
+    """Half widths (n,) of the region, the unit of each state; 1 where it has none to speak of."""
     widths = dict(zip(region.names, region.radius, strict=True))
-    return np.array([widths.get(name, 0.0) or 1.0 for name in names])
+    found = np.array([widths.get(name, 0.0) for name in names])
+    return np.where(found > _LEAST_UNIT, found, 1.0)
 
 
-def _given(names: tuple[str, ...], weights: Mapping[str, float]) -> Array:
+def given_weights(names: tuple[str, ...], weights: Mapping[str, float]) -> Array:
+    """The weights in the order of the states. Raises InputError unless there is one for each."""
     if set(weights) != set(names):
         raise InputError(f"expected one weight for each of {names}, got {sorted(weights)}")
     return np.array([float(weights[name]) for name in names])

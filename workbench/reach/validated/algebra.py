@@ -18,11 +18,11 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 UNIT = 2.0**-53
-# Radii are sums and products of non-negative floats; with fewer than 2^12 operations each their
-# relative error is below 2^-40. The absolute term covers underflow.
-_UP = 1.0 + 2.0**-40
+# Radii are sums and products of non-negative floats; with fewer than 2^16 operations each their
+# relative error is below 2^-36. The absolute term covers underflow.
+_UP = 1.0 + 2.0**-36
 _TINY = 1e-290
-_MOST_OPERATIONS = 2**12
+_MOST_OPERATIONS = 2**16
 
 
 def upward(radius: Array) -> Array:
@@ -70,17 +70,13 @@ class Algebra:
         scatter[np.arange(len(pairs)), kept] = 1.0
         # Classes of monomials: their degree, and one more class for all shallow ones.
         kind = [degree + 1 if any(row[deep:]) else sum(row) for row in rows]
-        classes = np.zeros((len(rows), degree + 2))
+        classes = np.zeros((len(rows), degree + 3))
         classes[np.arange(len(rows)), kind] = 1.0
-        dropped = np.array(
-            [
-                [
-                    float(a + b > degree if max(a, b) <= degree else a > 0 and b > 0)
-                    for b in range(degree + 2)
-                ]
-                for a in range(degree + 2)
-            ]
-        )
+        classes[:, -1] = 1.0
+        dropped = np.zeros((degree + 3, degree + 3))
+        for p, q in itertools.product(range(degree + 2), repeat=2):
+            shallow_too = max(p, q) > degree
+            dropped[p, q] = float(p > 0 and q > 0 if shallow_too else p + q > degree)
         squares = [k for k, row in enumerate(rows) if degree >= 2 and 2 in row and sum(row) == 2]
         return cls(
             deep, degree, shallow, np.array(rows), left, right, scatter, classes, dropped,
@@ -97,7 +93,10 @@ class Algebra:
         return (self.size + 8) * (orders + 2) < _MOST_OPERATIONS
 
     def class_norms(self, coefficients: Array) -> Array:
-        """Sums of |c| by class of monomials, (..., degree + 2), up to 2^-40 of their value."""
+        """Sums of |c| by class, (..., degree + 3), up to 2^-36 of their value.
+
+        The classes are the degrees, all shallow monomials together, and all monomials.
+        """
         return np.asarray(np.abs(coefficients) @ self.classes)
 
     def bounds(self, coefficients: Array, radius: Array) -> tuple[Array, Array]:
@@ -115,7 +114,7 @@ class Algebra:
             spread = spread - np.abs(first).sum(axis=-1) - np.abs(square).sum(axis=-1)
             with np.errstate(all="ignore"):
                 inside = np.abs(first) < 2.0 * np.abs(square)
-                turn = np.where(inside, -(first * first) / (4.0 * square), 0.0)
+                turn = np.where(inside, -0.25 * (first * (first / square)), 0.0)
             ends = square + np.abs(first), square - np.abs(first)
             high = high + np.maximum(ends[0], turn).sum(axis=-1)
             low = low + np.minimum(ends[1], turn).sum(axis=-1)

@@ -15,10 +15,10 @@ from workbench.reach.validated.operations import (
     Product,
     like,
     over,
-    primitive,
     reciprocal,
     solved,
 )
+from workbench.reach.validated.primitive import primitive
 from workbench.reach.validated.series import Series, Weighted, convolution
 
 # Below pi; an angle that stays inside has not met the cut.

@@ -56,7 +56,7 @@ class StepBounds:
     field: (x, p, w) -> f, kinks included. relaxed: (x, p, w, slope, offset, error) -> relaxed
     field, its Jacobian by x (n n entries by columns) and by v = (w, error) (n n_v entries).
     drivers: for every kink (x, p, w, slope, offset, error, f) -> driver, its derivative along f,
-    and its derivative by v.
+    and its derivative by v. limits: p -> floor and ceiling of every kink.
     """
 
     form: SmoothForm
@@ -64,6 +64,7 @@ class StepBounds:
     field: BatchInclusion
     relaxed: BatchInclusion
     drivers: tuple[BatchInclusion, ...]
+    limits: BatchInclusion
 
 
 @functools.lru_cache(maxsize=32)
@@ -94,4 +95,5 @@ def step_bounds(ode: Ode) -> StepBounds:
             ],
         ),
         tuple(drivers),
+        BatchInclusion.of([form.p], [form.floor, form.ceiling]),
     )

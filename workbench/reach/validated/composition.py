@@ -1,8 +1,8 @@
 """Order 0 of an elementary function: its Taylor polynomial in the deviation, with remainder.
 
-f(c + u) = sum_{i <= D} f_i(c) u^i + f_{D+1}(X) u^{D+1} for X = c +- |u| (Lagrange). The f_i come
-from the recurrences in time, run on numbers with radii for x(s) = c + s and x(s) = X + s; f itself
-is the proved inclusion function of the operation.
+f(c + u) = sum_{i < j} f_i(c) u^i + f_j(X) u^j for X = c + u and every j <= D + 1 (Lagrange); the
+j with the least remainder is taken. The f_i come from the recurrences in time, run on numbers with
+radii for x(s) = c + s and x(s) = X + s; f itself is the proved inclusion function of the operation.
 """
 
 from __future__ import annotations
@@ -48,27 +48,49 @@ def compose(
     deviation = a.coef[0].copy()
     deviation[:, 0] = 0.0
     size = upward(np.abs(deviation).sum(axis=-1) + a.radius[0])
-    derivatives = _derivatives(a.coef[0][:, 0], size, alg.degree + 2, build)
+    center = a.coef[0][:, 0]
+    derivatives = _derivatives(center, _range(a, center, size), alg.degree + 2, build)
+    remainders = _remainders(derivatives, size, batch)
+    last = np.argmin(remainders, axis=0)
     u = Series(alg, 1, batch, steady=True)
-    u.fill(0, deviation, a.radius[0])
+    u.give(0, deviation, a.radius[0])
     total = Series(alg, 1, batch, steady=True)
     for i in range(alg.degree, -1, -1):
-        value, spread = derivatives.coef[i, :batch, 0], derivatives.radius[i, :batch]
+        value = np.where(i < last, derivatives.coef[i, :batch, 0], derivatives.coef[i, batch:, 0])
+        value = np.where(i <= last, value, 0.0)
+        spread = np.where(i < last, derivatives.radius[i, :batch], 0.0)
         product, radius = convolution(total, u, 0)
         product[:, 0] += value
         total.fill(0, product, radius + spread + UNIT * np.abs(product[:, 0]))
-    last = alg.degree + 1
-    rest = derivatives.total[last, batch:] + derivatives.radius[last, batch:]
-    return total.coef[0], total.radius[0] + rest * size**last
+    return total.coef[0], total.radius[0] + remainders[last, np.arange(batch)]
 
 
-def _derivatives(center: Array, size: Array, orders: int, build: Build) -> Series:
-    """f_i at the centres (first half of the batch) and over centre +- size (second half)."""
+def _remainders(derivatives: Series, size: Array, batch: int) -> Array:
+    """Bounds (D + 2, B) of (f_j(X) - mid) |u|^j for j <= D, and of f_j(X) |u|^j for j = D + 1."""
+    over_set = derivatives.radius[:, batch:].copy()
+    over_set[-1] += derivatives.size(len(over_set) - 1)[batch:]
+    powers = size ** np.arange(len(over_set))[:, None]
+    bounds = upward(over_set * powers)
+    return np.asarray(np.where(np.isnan(bounds), np.inf, bounds))
+
+
+def _range(a: Series, center: Array, size: Array) -> tuple[Array, Array]:
+    """Bounds (B,) of order 0, which also hold its constant coefficients."""
+    low, high = a.algebra.bounds(a.coef[0], a.radius[0])
+    low = np.minimum(np.maximum(low, np.nextafter(center - size, -np.inf)), center)
+    return low, np.maximum(np.minimum(high, np.nextafter(center + size, np.inf)), center)
+
+
+def _derivatives(center: Array, over: tuple[Array, Array], orders: int, build: Build) -> Series:
+    """f_i at the centres (first half of the batch) and over the ranges (second half)."""
     batch = len(center)
+    middle = 0.5 * over[0] + 0.5 * over[1]
+    size = upward(np.maximum(over[1] - middle, middle - over[0]))
     x = Series(NUMBERS, orders, 2 * batch)
-    x.fill(0, np.tile(center, 2)[:, None], np.concatenate([np.zeros(batch), size]))
+    points = np.concatenate([center, middle])
+    x.give(0, points[:, None], np.concatenate([np.zeros(batch), size]))
     for k in range(1, orders):
-        x.fill(k, np.full((2 * batch, 1), float(k == 1)), np.zeros(2 * batch))
+        x.give(k, np.full((2 * batch, 1), float(k == 1)), np.zeros(2 * batch))
     chain = build(x)
     for k in range(orders):
         for operation in chain:
@@ -81,7 +103,7 @@ def _number(name: str, a: Series, exponent: float | None) -> tuple[Array, Array]
     center, radius = a.coef[0][:, 0], a.radius[0]
     lower = np.nextafter(center - radius, -np.inf)
     upper = np.nextafter(center + radius, np.inf)
-    exact = radius <= 1e-280
+    exact = radius == 0.0
     low, high = interval_of(
         name, np.where(exact, center, lower), np.where(exact, center, upper), exponent
     )

@@ -69,9 +69,9 @@ def _largest_deviation(a_size: Array, push: Array, h: float) -> Array:
         term = h * _times(a_size, term)
         found = found + term
     for share in (1e-6, 1e-3, 0.1, 1.0):
-        tried = found * (1.0 + share) + np.max(found, axis=1, keepdims=True) * share * 1e-3
-        if np.all(upward(h * (push + _times(a_size, tried))) <= tried + 1e-280):
-            return np.asarray(tried + 1e-280)
+        tried = found * (1.0 + share) + np.max(found, axis=1, keepdims=True) * share * 1e-3 + 1e-280
+        if np.all(upward(h * (push + _times(a_size, tried))) <= tried):
+            return np.asarray(tried)
     raise NoEnclosureError("the effect of the disturbances could not be bounded")
 
 

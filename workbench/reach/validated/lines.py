@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 import numpy.typing as npt
 
-from workbench.reach.validated.algebra import UNIT, Array
+from workbench.reach.validated.algebra import UNIT, Array, upward
 from workbench.reach.validated.bounds import Range
 
 
@@ -17,7 +17,7 @@ from workbench.reach.validated.bounds import Range
 class Lines:
     """clip(d) in slope d + offset +- gap for every kink, arrays (B, n_kinks).
 
-    decided: -1 at the floor, 1 at the ceiling, 2 between them, 0 undecided, for the whole step.
+    decided: -1 at the floor, 1 at the ceiling, 2 not beyond either, 0 undecided; all of the step.
     motion: by how much the driver's range grows within the step, as a share of the range; 0 where
     decided.
     """
@@ -35,15 +35,25 @@ class Lines:
         decided = np.zeros((batch, count), dtype=np.int8)
         return cls(blank, blank.copy(), blank.copy(), decided, blank.copy())
 
-    def set(self, i: int, driver: Range, moved: Array, *, limits: Range) -> None:
-        """Choose the line of kink i for a driver in the range (B,); `moved`: part of its width."""
-        (low, high), (floor, ceiling) = driver, limits
-        line = chebyshev_line(low, high, floor, ceiling)
+    def set(self, i: int, driver: Range, moved: Array, *, floor: Range, ceiling: Range) -> None:
+        """Choose the line of kink i for a driver in the range (B,); `moved`: part of its width.
+
+        Limits that are known up to rounding shift the clip by at most that much.
+        """
+        low, high = driver
+        # min(max(d, floor), ceiling) is the ceiling everywhere where the limits are crossed.
+        floor = np.minimum(floor[0], ceiling[0]), np.minimum(floor[1], ceiling[1])
+        line = chebyshev_line(low, high, floor[0], ceiling[1])
         self.slope[:, i], self.offset[:, i], self.gap[:, i] = line
+        for limit in (floor, ceiling):
+            self.gap[:, i] += np.where(limit[1] > limit[0], upward(limit[1] - limit[0]), 0.0)
         self.decided[:, i] = np.select(
-            [(low >= floor) & (high <= ceiling), high <= floor, low >= ceiling], [2, -1, 1], 0
+            [(low >= floor[1]) & (high <= ceiling[0]), high <= floor[0], low >= ceiling[1]],
+            [2, -1, 1],
+            0,
         )
-        share = np.where(high > low, moved / np.where(high > low, high - low, 1.0), 0.0)
+        width = high - low
+        share = np.where(width > 0.0, moved / np.where(width > 0.0, width, 1.0), 0.0)
         self.motion[:, i] = np.where(self.decided[:, i] == 0, share, 0.0)
 
 
@@ -58,7 +68,7 @@ def chebyshev_line(
     """
     knees = np.clip(floor, low, high), np.clip(ceiling, low, high)
     best = np.full_like(low, np.inf)
-    slope, offset, gap = np.zeros_like(low), np.zeros_like(low), np.zeros_like(low)
+    slope, offset, gap = np.zeros_like(low), np.zeros_like(low), best
     for left, right in ((low, knees[1]), (knees[0], high)):
         spread = right - left
         rise = np.clip(right, floor, ceiling) - np.clip(left, floor, ceiling)
@@ -70,7 +80,7 @@ def chebyshev_line(
         values = [c - tried * d for c, d in zip(clipped, points, strict=True)]
         top, bottom = np.max(values, axis=0), np.min(values, axis=0)
         size = np.max(np.abs([*clipped, tried * low, tried * high]), axis=0)
-        half = 0.5 * (top - bottom) + 8.0 * UNIT * size
+        half = upward(0.5 * (top - bottom) + 8.0 * UNIT * size)
         better = half < best
         best = np.where(better, half, best)
         slope = np.where(better, tried, slope)

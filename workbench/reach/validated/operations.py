@@ -13,7 +13,7 @@ from typing import final
 import numpy as np
 
 from workbench.reach.validated.algebra import UNIT, Array
-from workbench.reach.validated.composition import Operation, compose
+from workbench.reach.validated.composition import NUMBERS, compose
 from workbench.reach.validated.series import Series, Weighted, convolution, linear
 
 
@@ -52,7 +52,10 @@ class Product:
 
     def extend(self, k: int) -> None:
         """Cauchy product."""
-        self.series.fill(k, *convolution(self._a, self._b, k))
+        if self._a is self._b:
+            self.series.fill(k, *square(self._a, k))
+        else:
+            self.series.fill(k, *convolution(self._a, self._b, k))
 
 
 @final
@@ -179,52 +182,12 @@ class Tangent:
             term = convolution(self._rate.series, self._slope, k, first=1)
             self.series.fill(k, *over(term, k))
         if self.series.has(k):
-            square, radius = convolution(self.series, self.series, k)
-            slope = -square if self._hyperbolic else square
+            squared, radius = square(self.series, k)
+            slope = -squared if self._hyperbolic else squared
             if k == 0:
                 slope[:, 0] += 1.0
                 radius = radius + UNIT * np.abs(slope[:, 0])
             self._slope.fill(k, slope, radius)
-
-
-@final
-class Primitive:
-    """f with f' w = a': log (w = a), atan (1 + a^2), asin (sqrt(1 - a^2)), acos (minus that)."""
-
-    def __init__(self, name: str, a: Series, w: Series) -> None:
-        self._name, self._a, self._w = name, a, w
-        self._rate = Weighted(a)
-        self.series = like(a)
-        self._own_rate = Weighted(self.series)
-        self._inverse: Series | None = None
-
-    def extend(self, k: int) -> None:
-        """k f_k = (k a_k - sum_{0 < j < k} j f_j w_{k-j}) / w_0."""
-        self._rate.extend(k)
-        if k == 0:
-            self.series.fill(0, *compose(self._name, self._a, lambda x: primitive(self._name, x)))
-        else:
-            if self._inverse is None:
-                self._inverse = reciprocal(self._w, 1.0)
-            rest = convolution(self._own_rate.series, self._w, k, first=1, last=k - 1)
-            own = solved(self._rate.series, rest, k, self._inverse)
-            self.series.fill(k, *over(own, k))
-        self._own_rate.extend(k)
-
-
-def primitive(name: str, a: Series) -> list[Operation]:
-    """The operations of log, atan, asin or acos, the function last."""
-    if name == "log":
-        return [Primitive(name, a, a)]
-    one = Series.constant(a.algebra, np.ones(a.coef.shape[1]), np.zeros(a.coef.shape[1]))
-    square = Product(a, a)
-    sum_or_difference = Linear((1.0, one), (1.0 if name == "atan" else -1.0, square.series))
-    chain: list[Operation] = [square, sum_or_difference]
-    if name != "atan":
-        chain.append(Root(sum_or_difference.series))
-    if name == "acos":
-        chain.append(Linear((-1.0, chain[-1].series)))
-    return [*chain, Primitive(name, a, chain[-1].series)]
 
 
 @final
@@ -256,6 +219,18 @@ class Power:
         held = like(self.series)
         held.fill(k, coef, radius)
         self.series.fill(k, *over(convolution(self._inverse, held, k, first=0, last=0), k))
+
+
+def square(a: Series, k: int) -> tuple[Array, Array]:
+    """Order k of a^2; of a number the range of the square, which is never negative."""
+    if k > 0 or a.algebra is not NUMBERS:
+        return convolution(a, a, k)
+    size, radius = np.abs(a.coef[0][:, 0]), a.radius[0]
+    least = np.maximum(np.nextafter(size - radius, -np.inf), 0.0)
+    most = np.nextafter(size + radius, np.inf)
+    low, high = np.nextafter(least * least, -np.inf), np.nextafter(most * most, np.inf)
+    middle = 0.5 * low + 0.5 * high
+    return middle[:, None], np.maximum(high - middle, middle - low)
 
 
 def over(term: tuple[Array, Array], k: int) -> tuple[Array, Array]:

@@ -11,6 +11,8 @@ from workbench.reach.validated.bounds import Range
 
 _TRIALS = 10
 _INFLATION = 0.1
+# A field without a range over a larger box has overflown rather than met a pole.
+_LARGEST_STATE = 1e60
 
 # From boxes (B, n) to the range of the field over them and which of the B are valid.
 FieldRange = Callable[[Range], tuple[Range, Array]]
@@ -20,18 +22,25 @@ class NoEnclosureError(Exception):
     """No box was found that the field cannot leave within the step."""
 
 
+class UndefinedFieldError(NoEnclosureError):
+    """The field has a pole or ends its domain in what the set sweeps."""
+
+
 def enclosure(start: Range, field: FieldRange, h: float) -> tuple[Range, Range]:
     """A box C with start + [0, h] field(C) inside C, and field(C).
 
     start (B, n) contains the states at the beginning; every solution, also of the inclusion with
     arbitrary inputs in the field's range, stays in C up to h (Picard-Lindeloef, Nedialkov, Jackson,
-    Corliss, Applied Mathematics and Computation 105, 1999). Raises NoEnclosureError.
+    Corliss, Applied Mathematics and Computation 105, 1999). Raises NoEnclosureError, and
+    UndefinedFieldError where the field is undefined in a moderate box.
     """
     box = start
     for trial in range(_TRIALS):
         rates, valid = field(box)
         if not np.all(valid):
-            raise NoEnclosureError("the field has no range over the enclosure")
+            reason = "the field is not defined everywhere in the enclosure of the step"
+            moderate = max(np.max(np.abs(box[0])), np.max(np.abs(box[1]))) < _LARGEST_STATE
+            raise (UndefinedFieldError if moderate else NoEnclosureError)(reason)
         reached = _swept(start, rates, h)
         if trial and np.all((reached[0] >= box[0]) & (reached[1] <= box[1])):
             return reached, rates

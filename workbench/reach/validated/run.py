@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import final
 
 import numpy as np
 
+from workbench.errors import InputError
 from workbench.reach.tube import TubeStatus
 from workbench.reach.validated.algebra import Array
 from workbench.reach.validated.composition import OutsideDomainError
-from workbench.reach.validated.picard import NoEnclosureError
+from workbench.reach.validated.picard import NoEnclosureError, UndefinedFieldError
 from workbench.reach.validated.sets import PolynomialSet
 from workbench.reach.validated.step import Stepper, StepResult
+from workbench.runtime.floats import float_mode_fault
 
 # The last term of the series may add this share of the set's radius to a step.
 _REMAINDER_SHARE = 1e-7
@@ -24,6 +28,8 @@ _ORDERS = (4, 16)
 _MOTION_SHARE = 0.03
 _FINEST_FOR_MOTION = 2**9
 _UNITS = 2**12
+# Steps in one grid interval: a proof that needs more is going wrong.
+_MOST_STEPS = 2**9
 
 
 @final
@@ -36,6 +42,7 @@ class Trace:
     """
 
     end: PolynomialSet
+    kink_count: int
     lower_at: list[Array]
     upper_at: list[Array]
     lower: list[Array] = field(default_factory=list)
@@ -54,12 +61,20 @@ def run(
 ) -> Trace:
     """Advance over the grid `times_s` (s); ends early where a step fails or `inside` is false.
 
-    Differences of neighbouring grid times are exact (Sterbenz) when none but the first is more than
-    twice the one before, and steps are dyadic parts of them, so that the sets hold at exactly these
-    times.
+    Differences of neighbouring grid times must be doubles, as they are (Sterbenz) where none but
+    the first time is more than twice the one before; steps are dyadic parts of them, so that the
+    sets hold at exactly these times. Raises InputError on other grids.
     """
+    for before, after in itertools.pairwise(map(float, times_s)):
+        if Fraction(after) - Fraction(before) != Fraction(after - before) or not before < after:
+            raise InputError(
+                f"expected rising times with exact differences, got {before!r} and {after!r}"
+            )
+    fault = float_mode_fault()
+    if fault is not None:
+        raise InputError(f"expected IEEE-754 arithmetic rounded to nearest, but {fault}")
     low, high = start.hull()
-    trace = Trace(start, [low], [high])
+    trace = Trace(start, stepper.kink_count, [low], [high])
     pace = _Pace()
     for k in range(len(times_s) - 1):
         failure = _interval(stepper, trace, float(times_s[k + 1] - times_s[k]), pace)
@@ -90,6 +105,8 @@ def _interval(
     results: list[StepResult] = []
     done, current = 0, trace.end
     while done < _UNITS:
+        if len(results) == _MOST_STEPS:
+            return TubeStatus.ENCLOSURE_FAILED, "the steps had to become too short"
         while pace.units > _UNITS - done or done % pace.units:
             pace.units //= 2
         result = _attempt(stepper, current, length_s, pace)
@@ -122,7 +139,7 @@ def _attempt(
             result = stepper.step(start, h, pace.order)
         except (NoEnclosureError, OutsideDomainError) as failure:
             if pace.units == 1:
-                return _ending(stepper, start, failure)
+                return _ending(failure)
         else:
             if pace.units == 1 or _fine(result, start, pace):
                 return result
@@ -149,11 +166,11 @@ def _adapt(pace: _Pace, result: StepResult) -> None:
         pace.units *= 2
 
 
-def _ending(stepper: Stepper, start: PolynomialSet, failure: Exception) -> tuple[TubeStatus, str]:
+def _ending(failure: Exception) -> tuple[TubeStatus, str]:
     if isinstance(failure, OutsideDomainError):
         return TubeStatus.SINGULAR, f"the set reaches the border of the domain of {failure}"
-    if not stepper.field_is_defined(start.hull()):
-        return TubeStatus.SINGULAR, "the field has a pole in the set"
+    if isinstance(failure, UndefinedFieldError):
+        return TubeStatus.SINGULAR, str(failure)
     return TubeStatus.ENCLOSURE_FAILED, str(failure)
 
 

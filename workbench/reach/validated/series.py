@@ -17,7 +17,7 @@ class Series:
     steady and has no terms beyond the constant monomial.
     """
 
-    __slots__ = ("algebra", "classes", "coef", "number", "radius", "steady", "total")
+    __slots__ = ("_norms", "_ready", "algebra", "coef", "number", "radius", "steady")
 
     def __init__(
         self,
@@ -32,8 +32,8 @@ class Series:
         self.algebra, self.steady, self.number = algebra, steady or number, number
         self.coef = np.zeros((count, batch, algebra.size))
         self.radius = np.zeros((count, batch))
-        self.classes = np.zeros((count, batch, algebra.degree + 2))
-        self.total = np.zeros((count, batch))
+        self._norms = np.zeros((count, batch, algebra.degree + 3))
+        self._ready = 0
 
     @classmethod
     def constant(cls, algebra: Algebra, value: Array, radius: Array) -> Series:
@@ -41,15 +41,30 @@ class Series:
         made = cls(algebra, 1, len(value), steady=True, number=True)
         coef = np.zeros((len(value), algebra.size))
         coef[:, 0] = value
-        made.fill(0, coef, radius)
+        made.give(0, coef, radius)
         return made
 
     def fill(self, k: int, coef: Array, radius: Array) -> None:
-        """Set order k; the radius is taken as it was computed and enlarged for its rounding."""
+        """Set order k to what was computed; the radius is enlarged for its own rounding."""
+        self.give(k, coef, upward(radius))
+
+    def give(self, k: int, coef: Array, radius: Array) -> None:
+        """Set order k to given values; a radius of 0 means exact."""
         self.coef[k] = coef
-        self.radius[k] = upward(radius)
-        self.classes[k] = self.algebra.class_norms(coef)
-        self.total[k] = self.classes[k].sum(axis=-1)
+        self.radius[k] = radius
+        self._ready = min(self._ready, k)
+
+    def norms(self, first: int, last: int) -> Array:
+        """Sums of |coef| by class for the orders first .. last, (orders, B, degree + 3)."""
+        if last >= self._ready:
+            fresh = slice(self._ready, last + 1)
+            self._norms[fresh] = self.algebra.class_norms(self.coef[fresh])
+            self._ready = last + 1
+        return self._norms[first : last + 1]
+
+    def size(self, k: int) -> Array:
+        """Sum of |coef| of order k, (B,)."""
+        return self.norms(k, k)[0, :, -1]
 
     def has(self, k: int) -> bool:
         """Whether order k may be other than 0."""
@@ -62,7 +77,7 @@ def linear(out: Series, k: int, terms: list[tuple[float, Series]]) -> None:
     coef = sum((f * s.coef[k] for f, s in present), np.zeros_like(out.coef[0]))
     radius = sum((abs(f) * s.radius[k] for f, s in present), np.zeros_like(out.radius[0]))
     if len(present) > 1:
-        size = sum(abs(f) * s.total[k] for f, s in present)
+        size = sum(abs(f) * s.size(k) for f, s in present)
         radius = radius + len(present) * UNIT * size
     out.fill(k, coef, radius)
 
@@ -72,7 +87,7 @@ def scaled(out: Series, k: int, source: Series, factor: float) -> None:
     out.fill(
         k,
         factor * source.coef[k],
-        abs(factor) * (source.radius[k] + 2.0 * UNIT * source.total[k]),
+        abs(factor) * (source.radius[k] + 2.0 * UNIT * source.size(k)),
     )
 
 
@@ -94,10 +109,12 @@ def convolution(
     left, right = slice(first, last + 1), slice(k - last, k - first + 1)
     a_coef, b_coef = a.coef[left], b.coef[right][::-1]
     products = np.einsum("jbp,jbp->bp", a_coef[:, :, alg.left], b_coef[:, :, alg.right])
-    b_total, b_radius = b.total[right][::-1], b.radius[right][::-1]
-    lost = np.einsum("jbd,jbd->b", a.classes[left] @ alg.dropped, b.classes[right][::-1])
+    a_norms, b_norms = a.norms(first, last), b.norms(k - last, k - first)[::-1]
+    b_radius = b.radius[right][::-1]
     rounding = (last - first + 2) * (alg.size + 2) * UNIT
-    spread = a.total[left] * (b_radius + rounding * b_total) + a.radius[left] * (b_total + b_radius)
+    lost = np.einsum("jbd,jbd->b", a_norms @ alg.dropped, b_norms)
+    spread = a_norms[:, :, -1] * (b_radius + rounding * b_norms[:, :, -1])
+    spread = spread + a.radius[left] * (b_norms[:, :, -1] + b_radius)
     return products @ alg.scatter, lost + spread.sum(axis=0)
 
 
@@ -107,7 +124,7 @@ def _by_number(a: Series, b: Series, i: int, j: int) -> tuple[Array, Array]:
         a, b, i, j = b, a, j, i
     value = b.coef[j][:, :1]
     size = np.abs(value[:, 0])
-    radius = a.radius[i] * (size + b.radius[j]) + a.total[i] * (b.radius[j] + 2.0 * UNIT * size)
+    radius = a.radius[i] * (size + b.radius[j]) + a.size(i) * (b.radius[j] + 2.0 * UNIT * size)
     return value * a.coef[i], radius
 
 

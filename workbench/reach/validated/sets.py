@@ -7,9 +7,12 @@ from typing import final
 
 import numpy as np
 
+from workbench.errors import InputError
 from workbench.reach.validated.algebra import UNIT, Algebra, Array, upward
 from workbench.reach.validated.bounds import Range
 
+# Orders of the longest series in time that is used.
+LONGEST_SERIES = 20
 # Beyond this many generators per state the smallest are merged into a box.
 _MOST_GENERATORS = 400
 
@@ -36,7 +39,12 @@ class PolynomialSet:
             lower == upper, 0.0, np.nextafter(np.maximum(upper - center, center - lower), np.inf)
         )
         wide = np.flatnonzero(radius.max(axis=0) > 0.0)
-        algebra = Algebra.of(deep=len(wide), degree=degree if len(wide) else 0, shallow=n)
+        algebra = Algebra.of(deep=len(wide), degree=degree if len(wide) else 1, shallow=n)
+        if not algebra.operations_fit(LONGEST_SERIES):
+            raise InputError(
+                f"expected fewer terms than {algebra.size}: {len(wide)} uncertain axes with degree "
+                f"{degree}; use a lower degree"
+            )
         coef = np.zeros((batch, n, algebra.size))
         coef[:, :, 0] = center
         for v, axis in enumerate(wide):

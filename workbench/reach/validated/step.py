@@ -19,6 +19,9 @@ from workbench.reach.validated.series import Series
 from workbench.reach.validated.sets import PolynomialSet
 from workbench.reach.validated.tape import Tape
 
+# A kink without a floor has one at -1e300 (`kinks`); drivers must stay away from it.
+_LARGEST_DRIVER = 1e299
+
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +53,6 @@ class Stepper:
             Tape.of(ca.Function("driver", inputs, [lines.drivers[i]]))
             for i in range(form.kappa.numel())
         ]
-        self._limits = ca.Function("limits", [form.p], [form.floor, form.ceiling])
         self._p = np.array(form.parameter_values())
         lower = np.array([d.lower for d in ode.disturbances])
         upper = np.array([d.upper for d in ode.disturbances])
@@ -59,6 +61,11 @@ class Stepper:
         self._w_ends = lower, upper
         self.ode = ode
 
+    @property
+    def kink_count(self) -> int:
+        """Number of kinks of the field."""
+        return len(self._drivers)
+
     def step(self, start: PolynomialSet, h: float, order: int) -> StepResult:
         """Advance by h (s) with a series of the given order.
 
@@ -66,11 +73,6 @@ class Stepper:
         """
         with np.errstate(all="ignore"):
             return self._step(start, h, order)
-
-    def field_is_defined(self, box: Range) -> bool:
-        """Whether the field has a range over the boxes (B, n)."""
-        with np.errstate(all="ignore"):
-            return bool(np.all(self._true_field(box)[1]))
 
     def _step(self, start: PolynomialSet, h: float, order: int) -> StepResult:
         batch = start.batch
@@ -89,13 +91,14 @@ class Stepper:
         effect = self._forced(box, lines, h)
         end = start.mapped(coef, radius + effect.box, effect.generators)
         after = end.hull()
-        if not (np.all(np.isfinite(after[0])) and np.all(np.isfinite(after[1]))):
-            raise NoEnclosureError("the set left the range of numbers")
         # |y''| over the step bounds how far a state leaves the chord between the two instants.
         bend = np.stack([_magnitude(s, 2, batch) for s in x], axis=1)
         chord = upward(0.25 * h * h * bend + effect.chord)
         lower = np.maximum(np.minimum(hull[0], after[0]) - chord, box[0])
         upper = np.minimum(np.maximum(hull[1], after[1]) + chord, box[1])
+        # NaN goes through every operation above, so finite ends mean finite parts.
+        if not np.all(np.isfinite(lower + upper + after[0] + after[1])):
+            raise NoEnclosureError("the set left the range of numbers")
         return StepResult(end, lower, upper, remainder, lines.decided, lines.motion)
 
     def _relaxed(self, start: PolynomialSet, hull: Range, h: float) -> Lines:
@@ -105,7 +108,9 @@ class Stepper:
         if not count:
             return lines
         box, rates = enclosure(hull, self._true_field, h)
-        floor, ceiling = (np.array(v).ravel() for v in self._limits(self._p))
+        limits, bounded = self.bounds.limits([_repeated(self._p, self._p, batch)])
+        if not np.all(bounded):
+            raise NoEnclosureError("the limits of a limited command could not be bounded")
         x = [_steady(start.algebra, c) for c in _by_state(start.with_spread_as_variables())]
         for i, tape in enumerate(self._drivers):
             running = tape.start([x, *self._numbers(lines, batch, start.algebra)])
@@ -124,8 +129,10 @@ class Stepper:
             margin = upward(8.0 * UNIT * (np.abs(low) + np.abs(high)))
             low = np.maximum(low - margin, natural[0][:, 0])
             high = np.minimum(high + margin, natural[1][:, 0])
-            limits = tuple(np.broadcast_to(end[i], (batch,)) for end in (floor, ceiling))
-            lines.set(i, (low, high), up - down, limits=limits)  # type: ignore[arg-type]
+            if not (np.all(low > -_LARGEST_DRIVER) and np.all(high < _LARGEST_DRIVER)):
+                raise NoEnclosureError("a limited quantity left the range of numbers")
+            floor, ceiling = ((end[0][:, i], end[1][:, i]) for end in limits)
+            lines.set(i, (low, high), up - down, floor=floor, ceiling=ceiling)
         return lines
 
     def _true_field(self, box: Range) -> tuple[Range, Array]:
@@ -174,9 +181,9 @@ class Stepper:
             made = Series(start.algebra, order + 2, 2 * start.batch)
             ahead = column.copy()
             ahead[:, 0] += shift[:, i]
-            slack = moving[:, i] + UNIT * np.abs(ahead[:, 0])
+            slack = upward(moving[:, i] + UNIT * np.abs(ahead[:, 0]))
             radius = np.concatenate([np.zeros(start.batch), slack])
-            made.fill(0, np.concatenate([column, ahead]), radius)
+            made.give(0, np.concatenate([column, ahead]), radius)
             series.append(made)
         return series
 
@@ -205,7 +212,7 @@ def _order(series: Series, k: int) -> tuple[Array, Array]:
 
 def _steady(algebra: Algebra, coef: Array) -> Series:
     made = Series(algebra, 1, len(coef), steady=True)
-    made.fill(0, coef, np.zeros(len(coef)))
+    made.give(0, coef, np.zeros(len(coef)))
     return made
 
 

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.models.graph import Graph, Node, graph_of
 from workbench.reach.validated.algebra import Algebra
 from workbench.reach.validated.angle import Angle
 from workbench.reach.validated.composition import Operation
@@ -23,10 +24,9 @@ from workbench.reach.validated.operations import (
     Product,
     Root,
     Tangent,
-    primitive,
 )
+from workbench.reach.validated.primitive import primitive
 from workbench.reach.validated.series import Series
-from workbench.sensitivity.graph import Graph, Node, graph_of
 
 _PRIMITIVES = frozenset({"log", "atan", "asin", "acos"})
 _PAIRS = {"sin": (False, False), "cos": (False, True), "sinh": (True, False), "cosh": (True, True)}

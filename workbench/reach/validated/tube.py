@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
@@ -29,7 +30,7 @@ class ValidatedTube:
     does not divide the horizon. Steps and order of the series are chosen on the way. degree: of P
     in the initial deviation and in ranged parameters (2: sensitivity, its derivative, and a
     third-order remainder). region: the tube must stay in this box over some of the states, else it
-    ends with LEFT_REGION; None for no such demand.
+    ends with LEFT_REGION; None for no such demand. each_row: called when a row is done.
 
     Each step solves the field's Taylor coefficients for all deviations at once, bounds the rest of
     the series over an a priori enclosure (Picard), and moves what was bounded before as generators
@@ -44,6 +45,7 @@ class ValidatedTube:
     step_s: float = 0.05
     degree: int = 2
     region: Box | None = None
+    each_row: Callable[[], object] = field(default=lambda: None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.step_s) and self.step_s > 0.0):
@@ -60,16 +62,29 @@ class ValidatedTube:
     ) -> tuple[ReachTube, ...]:
         """One tube for each initial set, run together; all end where the first proof ends."""
         original = system.ode
-        ode = with_ranged_parameters_as_states(original)
+        unknown = set(self.region.names if self.region else ()) - set(original.names)
+        if unknown:
+            raise InputError(
+                f"expected a region over states ({', '.join(original.names)}), got "
+                f"{', '.join(sorted(unknown))}"
+            )
+        stepper = _stepper(original)
+        ode = stepper.ode
         boxes = [initial_box(original, ode, box) for box in initial_sets]
         lower = np.array([box.lower for box in boxes])
         upper = np.array([box.upper for box in boxes])
         start = PolynomialSet.of_boxes(lower, upper, degree=self.degree)
         times = time_grid(horizon_s, self.step_s)
-        inside = _Inside(self.region, original)
-        trace = run(Stepper(ode), start, times, inside=inside)
+        inside = _Inside(self.region, original, self.each_row)
+        trace = run(stepper, start, times, inside=inside)
         trace.lower_at[0], trace.upper_at[0] = lower, upper
         return tuple(_tube(trace, times, original, cell) for cell in range(len(boxes)))
+
+
+@functools.lru_cache(maxsize=32)
+def _stepper(original: Ode) -> Stepper:
+    """What depends on the system alone; building it takes longer than a short tube."""
+    return Stepper(with_ranged_parameters_as_states(original))
 
 
 def time_grid(horizon_s: float, step_s: float) -> Array:
@@ -77,18 +92,23 @@ def time_grid(horizon_s: float, step_s: float) -> Array:
     if not (math.isfinite(horizon_s) and horizon_s > 0.0):
         raise InputError(f"expected a positive horizon_s in s, got {horizon_s!r}")
     count = max(1, math.ceil(horizon_s / step_s - 1e-9))
+    # A last step longer than the first would not be an exact difference.
+    if count == 2 and horizon_s > 2.0 * step_s:
+        count = 3
     return np.append(step_s * np.arange(count), horizon_s)
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class _Inside:
-    """Whether rows (B, n) lie in the region."""
+    """Whether rows (B, n) lie in the region, told to `each_row`."""
 
     region: Box | None
     ode: Ode
+    each_row: Callable[[], object]
 
     def __call__(self, lower: Array, upper: Array) -> bool:
+        self.each_row()
         if self.region is None:
             return True
         columns = [self.ode.names.index(name) for name in self.region.names]
@@ -104,7 +124,7 @@ def _tube(trace: Trace, times: Array, ode: Ode, cell: int) -> ReachTube:
     def rows(values: list[Array]) -> Array:
         return np.array([value[cell, :n] for value in values]).reshape(len(values), n)
 
-    kinks = np.array(trace.kinks).reshape(done, 2, -1)
+    kinks = np.array(trace.kinks).reshape(done, 2, trace.kink_count)
     return ReachTube(
         times=times[: done + 1],
         lower=rows(trace.lower),

@@ -1,0 +1,58 @@
+"""`workbench reach --sampled` shows the sampled tube, the continuous one and their difference."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_fixture import invoke
+
+BRIEF = ("--system", "b1-small", "--horizon", "0.3")
+
+
+def test_both_tubes_and_their_difference_are_shown(tmp_path: Path) -> None:
+    table, page = tmp_path / "tube.csv", tmp_path / "tube.html"
+    words = ("--sampled", "--rate", "20", "--jitter", "0.001", "--csv", table, "--plot", page)
+    found = invoke("reach", *BRIEF, *words, "--json")
+    assert found.status == 0, found.err
+    data = found.data
+    assert (data["rigor"], data["continuous"]["rigor"]) == ("ENCLOSED", "ENCLOSED")
+    assert data["sampling"]["period_s"] == 0.05
+    assert (data["sampling"]["jitter"], data["sampling"]["integral_step"]) == ("CLOCK", "NOMINAL")
+    wide, narrow = (np.array(each["half_widths"]) for each in (data, data["continuous"]))
+    assert np.array(data["difference"]) == pytest.approx(wide - narrow)
+    text = page.read_text(encoding="utf-8")
+    assert "Widths side by side" in text
+    assert "sampled at 20 Hz, samples sit on a clock within +-0.001 s" in text
+    rows = table.read_text(encoding="utf-8").splitlines()
+    assert sum(row.startswith("step,") for row in rows) == 6
+    shown = invoke("reach", *BRIEF, "--sampled", "--drift", "--jitter", "0.001")
+    assert "samples drift within +-0.001 s" in shown.out
+    assert "difference" in shown.out
+
+
+def test_commands_sent_before_the_start_count() -> None:
+    words = (*BRIEF, "--sampled", "--actuation-delay", "0.1", "0.1", "--json")
+    turning = invoke("reach", *words, "--sent", "0.2", "0").data
+    assert [each["steering_rate_radps"] for each in turning["sent"]] == [[0.2, 0.2]] * 3
+    resting = invoke("reach", *words).data
+    assert resting["sent"] != turning["sent"]
+    assert resting["half_widths"] != turning["half_widths"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--rate", "30"), "--sampled"),
+        (("--drift",), "--sampled"),
+        (("--sampled", "--rate", "0"), "> 0"),
+        (("--sampled", "--jitter", "0.5"), "half the period"),
+        (("--sampled", "--actuation-delay", "0.1", "0"), "low <= high"),
+        (("--sampled", "--actuation-delay", "0", "0.1"), "out of order"),
+    ],
+)
+def test_misuse_is_refused(words: tuple[str, ...], message: str) -> None:
+    found = invoke("reach", *BRIEF, *words)
+    assert found.status == 2
+    assert message in found.err

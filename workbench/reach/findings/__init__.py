@@ -1,0 +1,1 @@
+"""What an analysis says of an UNPROVED separation: proved, refuted by a witness, undecided."""
