@@ -82,15 +82,9 @@ def timing(sampling: Sampling, until_s: float, count: int, rng: np.random.Genera
         ticks = latest + jitter + ks * period + shake
         steps = period + np.diff(shake, axis=1, prepend=shake[:, :1])
     else:
-        start = latest / (1.0 - jitter / period)
-        knots = start + np.append(ks, ks[-1] + 1) * period
-        paces = 1.0 + shake / period
-        ticks = np.cumsum(np.concatenate([np.zeros((count, 1)), paces * period], axis=1), axis=1)
-        origin = np.array([np.interp(0.0, knots, row) for row in ticks])
-        if knots[0] > 0.0:
-            origin = -paces[:, 0] * knots[0]
-        ticks = (ticks - origin[:, None])[:, :-1]
-        steps = np.diff(ticks, axis=1, prepend=ticks[:, :1] - period)
+        ticks = np.cumsum(period + shake, axis=1)
+        ticks = ticks - ticks[:, before : before + 1] + latest
+        steps = period + shake
     measured = ticks - _extreme(rng, *sampling.measurement_delay_s, ticks.shape)
     delays = _extreme(rng, *sampling.actuation_delay_s, (count, 2, len(ks))).transpose(1, 0, 2)
     if sampling.integral_step is IntegralStep.NOMINAL:

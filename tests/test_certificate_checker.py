@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from certificate_cases import spread, tube
 
-import workbench.checker
+import workbench.checker.claims
 from workbench.checker.arithmetic import UnprovedError
 from workbench.checker.claims import check
 from workbench.models.benchmarks import b1
@@ -116,6 +116,15 @@ WRONG = {
     ).encode(),
     "an instant too late": json.dumps(changed(["claim", "horizon_s"], 1.0)).encode(),
     "range": json.dumps(changed(["claim", "ranges", 0], [])).encode(),
+    "UTF-16": TEXT.encode("utf-16"),
+    "deep behind half a character": ('{"\u0122": ' + "[" * 100_000).encode("utf-16-le"),
+    "functions": json.dumps(
+        changed(["model", "nodes"], [["sin", 0]] * 3000)
+        | {"proof": {"splits": [{"axis": 0, "at": 0.0}] * 600 + [None] * 601}}
+    ).encode(),
+    "instants": json.dumps(
+        changed(["claim", "instants"], [{"time_s": 1.0, "widths": [9.0, 9.0]}] * 8000)
+    ).encode(),
 }  # fmt: skip
 
 
@@ -125,6 +134,25 @@ def test_what_is_no_certificate_is_refused_at_once(name: str) -> None:
     with pytest.raises(ValueError, match=r"\w+"):
         check(WRONG[name])
     assert time.process_time() - started_s < 2.0
+
+
+def test_a_claim_about_nothing_is_no_certificate() -> None:
+    nothing: dict[str, Any] = json.loads(json.dumps(tube()))
+    nothing["claim"] |= {"times_s": [], "instants": nothing["claim"]["instants"][:1], "rows": []}
+    nothing["proof"] = {"frames": nothing["proof"]["frames"][:1], "steps": []}
+    with pytest.raises(ValueError, match="shorter"):
+        check(json.dumps(nothing).encode())
+    stateless = json.loads(json.dumps(spread("growth")))
+    stateless["model"] = {"states": [], "inputs": [], "nodes": [], "field": []}
+    with pytest.raises(ValueError, match="too large"):
+        check(json.dumps(stateless).encode())
+
+
+def test_without_docstrings_nothing_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workbench.checker.claims.spread, "__doc__", None)
+    for words in ("", spread("growth")["statement"]):
+        with pytest.raises(ValueError, match="other words"):
+            check(json.dumps(changed(["statement"], words)).encode())
 
 
 FALSE: dict[str, tuple[list[Any], Any]] = {

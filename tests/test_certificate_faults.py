@@ -14,6 +14,8 @@ from certificate_cases import Document, spread, tube
 from workbench.checker.arithmetic import UnprovedError
 from workbench.checker.claims import check
 from workbench.models import system_from_casadi
+from workbench.models.signals import Ranged, Signal
+from workbench.models.system import Ode
 from workbench.reach.certified.certificate import spread_certificate, tube_certificate
 from workbench.reach.certified.frame_tube import FrameTube
 from workbench.sensitivity import Inputs, derive_discrepancy
@@ -135,6 +137,61 @@ def test_a_priori_boxes_must_hold_the_motion() -> None:
     sets = zip(step["cores"][0], tube()["claim"]["instants"][0], strict=True)
     box = [[min(a[0], b[0]) - 1e-7, max(a[1], b[1]) + 1e-7] for a, b in sets]
     assert unproved(changed(tube(), ("proof", "steps", 0, "box"), box))
+
+
+def pushed(words: dict[str, Any]) -> Document:
+    """x' = min(1e308 1e308 u, 1) with u the least double > 0, so that x' = 1."""
+    frames = [{"center": [0], "frame": [[1]], "inverse": [[1]], "radius": [r]} for r in (1e-3, 0.1)]
+    nodes = [["constant", 1e308], ["mul", 1, 2], ["mul", 3, 2], ["constant", 1], ["fmin", 4, 5]]
+    least = 5e-324
+    return tube() | {
+        "model": {"states": ["x"], "inputs": ["u"], "nodes": nodes, "field": [6]},
+        "claim": {
+            "initial": [[-1e-4, 1e-4]], "ranges": [[least, least]], "times_s": [0, 1],
+            "instants": [[[-0.2, 0.2]]] * 2, "rows": [[[-0.2, 0.2]]],
+        } | words,
+        "proof": {"frames": frames, "steps": [{"box": [[-2, 2]], "cores": [[[-1e-3, 1e-3]]]}]},
+    }  # fmt: skip
+
+
+def test_a_middle_is_never_outside_its_range() -> None:
+    """Half of the least double rounds to 0, where this field is another one."""
+    assert unproved(pushed({}))
+    assert not unproved(pushed({"ranges": [[0.0, 0.0]]}))
+
+    x, p, w = ca.SX.sym("x"), ca.SX.sym("p"), ca.SX.sym("w")
+    gain, push = (
+        Ranged("gain", "1", 1e300, 1e300, 1e300),
+        Ranged("w", "m/s", 5e-324, 5e-324, 5e-324),
+    )
+    field = ca.fmin(w * p * p, 1)
+    system = Ode("pushed", (Signal("x", "m"),), (gain,), (push,), x, p, w, field)
+    start = Box.around({"x": 0.0}, radius={"x": 1e-3})
+    tube_of = FrameTube(step_s=0.1, parts=1, condition_max=10.0).tube
+    found = tube_of(system, initial_set=start, horizon_s=0.1)
+    assert found.complete
+    assert found.upper_at[-1, 0] >= 0.1
+
+
+def test_what_inputs_do_is_taken_at_its_worst_corner() -> None:
+    """Against the metric's long axis, sqrt(m' P m) is less than what inputs within m can do."""
+    shape = [[1.0, -0.9], [-0.9, 1.0]]
+    ends, field = [[-1.0, 1.0]] * 2, [2, 3]
+    still = {"states": [0, 1], "metric": shape, "comparison": [1e-6]}
+    claim = {
+        "region": [None, None], "ranges": ends, "differences": [1.0, 1.0], "horizon_s": 1.0,
+        "norm": "quadratic", "blocks": [still], "mismatch": [1.0, 1.0], "initial": [0.0, 0.0],
+    }  # fmt: skip
+    model = {"states": ["a", "b"], "inputs": ["u", "v"], "nodes": [], "field": field}
+    # One state's share of a distance s is s / sqrt(0.19); the largest is sqrt(3.8), for (1, -1).
+    for root, proved in ((0.2**0.5, False), (3.79**0.5, False), (3.81**0.5, True)):
+        instants = [{"time_s": 1.0, "widths": [root / 0.19**0.5] * 2}]
+        document = spread("metric") | {
+            "model": model,
+            "claim": claim | {"instants": instants},
+            "proof": {"splits": [None]},
+        }
+        assert unproved(document) is not proved
 
 
 def test_an_inverse_is_not_believed() -> None:

@@ -60,7 +60,9 @@ def test_reach_writes_a_tube_that_holds_sampled_runs_of_the_shipped_vehicle(tmp_
     lower, upper = table_of(target, "instant", "lower"), table_of(target, "instant", "upper")
     first, last = table_of(target, "step", "lower"), table_of(target, "step", "upper")
     for curvature in (-0.01, 0.0, 0.01):
-        runs = rollout(loop, states, horizon_s=3.0, step_s=0.05 / 4, disturbances=[curvature])[:, ::4]
+        runs = rollout(loop, states, horizon_s=3.0, step_s=0.05 / 4, disturbances=[curvature])[
+            :, ::4
+        ]
         assert np.all((runs >= lower - 1e-7) & (runs <= upper + 1e-7))
         for ends in (runs[:, :-1], runs[:, 1:]):
             assert np.all((ends >= first - 1e-7) & (ends <= last + 1e-7))
@@ -165,7 +167,7 @@ def test_derive_writes_a_certificate_that_the_checker_accepts(tmp_path: Path) ->
     assert invoke("check", file).status == 0
     refused = invoke("derive", *SHORT, "--method", "local-growth", "--certificate", file)
     assert refused.status == 2
-    assert "expected a method over the region" in refused.err
+    assert "expected one of the methods over the region" in refused.err
 
 
 def test_learning_depends_on_the_seed_alone() -> None:
@@ -223,10 +225,24 @@ def test_a_learned_bound_is_implied_only_above_proved_ones(
     found = invoke("examine", *SHORT, *words, "--json")
     assert (found.status, found.data["verdict"]) == (0, verdict)
     assert found.data["witness"] is None
-    assert {each["method"] for each in found.data["proved"]} >= {"GrowthMatrix", "validated tube"}
+    assert {each["method"] for each in found.data["proved"]} >= {"growth-matrix", "validated tube"}
     replayed = invoke("examine", "--replay", out / "witness.json", "--system", "b1-small")
     assert replayed.status == 2
     assert "there is nothing to replay" in replayed.err
+
+
+@pytest.mark.parametrize(("error", "warned"), [(None, False), (-1e-3, True)])
+def test_runs_beyond_a_proved_bound_are_warned_about_beyond_their_own_error(
+    error: float | None, warned: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if error is not None:
+        monkeypatch.setattr(
+            "workbench.cli.analysis_results.integration_error", lambda *_args, **_rest: error
+        )
+        monkeypatch.setattr("workbench.cli.examine._write_page", lambda *_args: None)
+    words = ("--pairs", "20", "--samples", "100", "--rounds", "5", "--out", tmp_path / "examine")
+    found = invoke("examine", *SHORT, *words)
+    assert ("beyond the proved bound validated tube" in found.err) is warned
 
 
 def test_unstable_gains_warn_with_their_poles(tmp_path: Path) -> None:

@@ -233,6 +233,19 @@ def test_a_misspelt_option_gets_a_hint(
     assert "did you mean" not in capsys.readouterr().err
 
 
+def test_a_task_too_large_for_memory_is_wrong_use(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def too_large(_name: str) -> None:
+        raise MemoryError("Unable to allocate 6.04 PiB")
+
+    monkeypatch.setattr("workbench.cli.main.load_command", too_large)
+    assert main(["campaign"]) == 2
+    said = capsys.readouterr().err
+    assert "a task that fits in memory (Unable to allocate 6.04 PiB); ask for less" in said
+    assert len(said.splitlines()) == 1
+
+
 @pytest.mark.parametrize("kind", ["model", "study"])
 def test_a_new_example_runs(kind: str, tmp_path: Path) -> None:
     assert main(["new", kind, "first_try", "--out", str(tmp_path)]) == 0

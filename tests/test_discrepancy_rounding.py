@@ -6,13 +6,18 @@ import math
 from decimal import Context, Decimal
 from fractions import Fraction
 
+import casadi as ca
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from workbench.errors import InputError
+from workbench.models import system_from_casadi
+from workbench.sensitivity import GrowthMatrix, Inputs, derive_discrepancy, jacobian
 from workbench.sensitivity.growth_matrix import MetzlerGrowth
 from workbench.sensitivity.rounding import exp_integral_up, exp_up, mul_up, sum_up
 from workbench.sensitivity.weighted_norm import ExponentialGrowth, Norm
+from workbench.sets import Box
 
 _PRECISE = Context(prec=60, Emin=-999_999, Emax=999_999)
 
@@ -78,6 +83,20 @@ def test_matrix_growth_is_not_below_the_exact_one(
     for got, true in zip(bound, exact, strict=True):
         assert Fraction(got) >= true - Fraction(1, 2**280)
         assert got == pytest.approx(float(true), rel=1e-11, abs=1e-25)
+
+
+def test_nothing_is_derived_where_rounding_is_not_to_nearest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(jacobian, "float_mode_fault", lambda: "rounding is not to nearest")
+    x = ca.SX.sym("x")
+    with pytest.raises(InputError, match="rounding is not to nearest"):
+        derive_discrepancy(
+            system_from_casadi(x, -x, ("x",)),
+            region=Box(("x",), (-1.0,), (1.0,)),
+            horizon_s=1.0,
+            method=GrowthMatrix(cells=1, inputs=Inputs.SHARED),
+        )
 
 
 def test_growth_that_leaves_the_doubles_is_infinite_and_not_wrong() -> None:

@@ -33,6 +33,7 @@ def test_it_reports_both_sides_and_their_witnesses(tmp_path: Path) -> None:
         assert lower["initial_state"] != upper["initial_state"]
     assert "from both sides" in page.read_text(encoding="utf-8")
     assert "certainly reached" in page.read_text(encoding="utf-8")
+    assert "mean ratio" in page.read_text(encoding="utf-8")
 
 
 def test_the_table_has_a_ratio_per_instant_and_state() -> None:
@@ -66,6 +67,7 @@ def test_a_proof_that_ends_early_fails_the_claim(monkeypatch: pytest.MonkeyPatch
     ("words", "message"),
     [
         (("--rounds", "0"), "a whole number >= 1"),
+        (("--starts", "100000000000"), "--starts: expected at most 100000"),
         (("--step", "0.0001"), "expected at most 1000 steps"),
         (("--plot", "/dev/null/x.html"), "--plot: expected a file that can be written"),
     ],

@@ -82,6 +82,17 @@ def test_decided_kinks_leave_the_branch_alone() -> None:
         np.testing.assert_allclose(cells.jacobian_upper[k], expected, atol=1e-14)
 
 
+def test_a_kink_beyond_the_floor_that_stands_for_none_is_not_decided() -> None:
+    """min(x, 0) has the slope 1 also at -1e302, where its floor of -1e300 is passed."""
+    field = ca.vertcat(ca.fmin(U, 0), ca.fmin(-ca.exp(V), 0))
+    signals = (Signal("x", ""), Signal("y", ""))
+    jacobian = IntervalJacobian(Ode("loop", signals, (), (), X, ca.SX(0, 1), ca.SX(0, 1), field))
+    cells = jacobian.on(np.array([[-1e305, 0.0]]), np.array([[-1e302, 0.5]]))
+    assert cells.jacobian_upper[0, 0, 0] >= 1.0
+    cells = jacobian.on(np.array([[-1.0, 694.0]]), np.array([[-0.5, 694.5]]))
+    assert cells.jacobian_lower[0, 1, 1] <= -np.exp(694.5)
+
+
 def test_exponents_stay_numbers_only_where_folding_them_is_exact() -> None:
     signals = (Signal("x", ""), Signal("y", ""))
     field = ca.vertcat(U**2.5, U**0.1)

@@ -21,7 +21,7 @@ from workbench.reach.local import (
     LocalMetric,
     LocalNorm,
 )
-from workbench.sensitivity import Norm
+from workbench.sensitivity import EuclideanNorm, Inputs, Norm
 
 STEP_S, HORIZON_S = 0.05, 1.0
 LOSS = 1e-9
@@ -141,3 +141,31 @@ def test_wrong_use_is_refused() -> None:
         LocalBlocks((("y",),), Effort(8, 1e4, 1), 0.1).tube(
             system, initial_set=box(x=(0.0, 1.0)), horizon_s=1.0
         )
+
+
+@pytest.mark.parametrize("weight", [-1.0, 0.0, float("nan"), float("inf")])
+def test_weights_that_make_no_norm_are_refused(weight: float) -> None:
+    for make in (lambda w: LocalNorm(Norm.MAX, w, STEP_S), lambda w: LocalEuclidean(w, STEP_S)):
+        with pytest.raises(InputError, match="expected finite weights > 0"):
+            make({"x": weight, "y": 1.0})
+
+
+@pytest.mark.parametrize("weight", [1e-200, 1e200])
+def test_weights_whose_squares_leave_the_doubles_are_refused(weight: float) -> None:
+    system, weights = system_of(lambda x, y: [-x + y, -y], "x", "y"), {"x": weight, "y": 1.0}
+    sides = box(x=(-1.0, 1.0), y=(-1.0, 1.0))
+    with pytest.raises(InputError, match="expected weights between 1e-150 and 1e150"):
+        LocalEuclidean(weights, STEP_S).tube(system, initial_set=sides, horizon_s=HORIZON_S)
+    with pytest.raises(InputError, match="expected weights between 1e-150 and 1e150"):
+        EuclideanNorm(weights, 1, Inputs.SHARED).derive(system, region=sides, horizon_s=HORIZON_S)
+
+
+@pytest.mark.parametrize("method", ["max", "sum", "euclidean"])
+def test_a_pole_in_the_likely_region_alone_costs_no_tube(method: str) -> None:
+    """x' = 1 / x from [0.4, 2]: x^2 = x0^2 + 2 t; the region that is asked for weights holds 0."""
+    system = system_of(lambda x: [1.0 / x], "x")
+    tube = local_methods(0.01)[method].tube(system, initial_set=box(x=(0.4, 2.0)), horizon_s=0.1)
+    assert tube.complete
+    for start in (0.4, 2.0):
+        exact = np.sqrt(start**2 + 2.0 * tube.times)
+        assert np.all((tube.lower_at[:, 0] <= exact) & (exact <= tube.upper_at[:, 0]))

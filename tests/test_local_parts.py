@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from decimal import Decimal
+
 import casadi as ca
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
@@ -69,6 +72,13 @@ def test_comparison_systems_grow_as_in_the_other_implementation(seed: int, lengt
     whole = np.zeros((4, 4))
     whole[:3, :3], whole[:3, 3] = matrix, felt
     assert np.all(end >= (expm(whole * length_s) @ np.append(start, 1.0))[:3] * (1 - 1e-12))
+
+
+@pytest.mark.parametrize("start", [5e-324, 1e-320, 1e-309])
+def test_the_growth_of_subnormal_distances_is_rounded_up(start: float) -> None:
+    for rate in np.linspace(50.0, 99.0, 50):
+        end, _ = grown(np.array([[rate]]), np.array([start]), np.zeros(1), 1.0)
+        assert Decimal(float(end[0])) >= Decimal(float(rate)).exp() * Decimal(start)
 
 
 def mean_of(

@@ -73,8 +73,18 @@ def test_ratio_and_first_escape_follow_their_definitions() -> None:
     assert first_escape_s(double, sampled) is None
     shrinking = growth("shrinking", np.stack([1.5 - 0.5 * TIMES, np.ones(61)], axis=1))
     assert first_escape_s(shrinking, sampled) == pytest.approx(1.05)
-    row = comparison_table([sampled, shrinking], names=["a", "b"]).rows[0]
-    assert row[4] == pytest.approx(1.05)
+    table = comparison_table([sampled, shrinking], names=["a", "b"])
+    column = list(table.headings).index("a sample escapes at (s)")
+    assert table.rows[0][column] == pytest.approx(1.05)
+    assert not {"finding", "detail"} & set(table.headings)
+
+
+def test_an_excess_below_the_error_of_the_runs_is_no_escape() -> None:
+    bound = growth("bound", np.ones((61, 1)))
+    beyond = growth("runs", np.full((61, 1), 1.0 + 1e-7), Origin.SAMPLES)
+    assert first_escape_s(bound, beyond) == 0.0
+    assert first_escape_s(bound, dataclasses.replace(beyond, error=np.full((61, 1), 2e-7))) is None
+    assert first_escape_s(bound, dataclasses.replace(beyond, error=np.full((61, 1), 5e-8))) == 0.0
 
 
 def test_bound_that_ends_early_is_not_extended() -> None:

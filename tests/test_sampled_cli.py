@@ -32,6 +32,12 @@ def test_both_tubes_and_their_difference_are_shown(tmp_path: Path) -> None:
     assert "difference" in shown.out
 
 
+def test_equal_widths_differ_by_nothing() -> None:
+    shown = invoke("reach", *BRIEF, "--sampled").out.splitlines()
+    differences = [line.split()[1] for line in shown if line.split()[0] == "difference"]
+    assert differences[:5] == ["0"] * 5
+
+
 def test_commands_sent_before_the_start_count() -> None:
     words = (*BRIEF, "--sampled", "--actuation-delay", "0.1", "0.1", "--json")
     turning = invoke("reach", *words, "--sent", "0.2", "0").data
@@ -48,7 +54,12 @@ def test_commands_sent_before_the_start_count() -> None:
         (("--drift",), "--sampled"),
         (("--sampled", "--rate", "0"), "> 0"),
         (("--sampled", "--jitter", "0.5"), "half the period"),
-        (("--sampled", "--actuation-delay", "0.1", "0"), "low <= high"),
+        (("--sampled", "--jitter", "-0.1"), "--jitter: expected 0 or more"),
+        (("--sampled", "--drift"), "expected --jitter beside it"),
+        (("--sampled", "--rate", "1e9"), "at most 20000 periods in the horizon"),
+        (("--sampled", "--rate", "1e-9"), "a period of at most 60 s"),
+        (("--sampled", "--actuation-delay", "1e9", "1e9"), "at most 200 periods in both delays"),
+        (("--sampled", "--actuation-delay", "0.1", "0"), "0 <= LOW <= HIGH"),
         (("--sampled", "--actuation-delay", "0", "0.1"), "out of order"),
     ],
 )

@@ -26,11 +26,14 @@ def test_the_tube_over_a_switch_is_written_and_drawn(tmp_path: Path) -> None:
     assert ends[0] > ends[1]
 
 
-def test_the_raw_speed_of_a_standing_car_is_no_exit_from_the_region() -> None:
-    found = invoke("reach", "--switch-at", "0", "0", "--horizon", "1.4", "--step", "0.1", "--json")
+def test_the_raw_speed_of_a_standing_car_is_no_exit_from_the_region(tmp_path: Path) -> None:
+    page = tmp_path / "tube.html"
+    words = ("--horizon", "1.4", "--step", "0.1", "--plot", page, "--json")
+    found = invoke("reach", "--switch-at", "0", "0", *words)
     assert found.status == 0, found.err
     low = found.data["leaves_operating_region"] or ""
     assert "speed" not in low
+    assert "the car stands where it is 0 or below" in page.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

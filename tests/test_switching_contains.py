@@ -207,6 +207,35 @@ def test_a_region_and_cells_are_respected() -> None:
     assert compute_tube(rise, initial_set=start, horizon_s=1.0, method=cells).complete
 
 
+def test_a_failure_after_the_switch_says_what_its_times_count() -> None:
+    rise, pole = system_of(lambda _: [ca.SX(1)], "x"), system_of(lambda x: [1 / x], "x")
+    for between_s, clock in (((0.2, 0.4), "stands for a piece"), ((0.25, 0.25), "from the switch")):
+        method = Switched(pole, between_s, {"x": (-1.0, 1.0)}, COARSE)
+        tube = compute_tube(rise, initial_set=box(x=(0.0, 0.1)), horizon_s=1.0, method=method)
+        assert tube.status is TubeStatus.SINGULAR
+        assert clock in tube.message
+
+
+def test_names_must_mean_the_same_in_both_systems() -> None:
+    push = (Ranged.symmetric("push", "m/s", 1.0),)
+    pushed = disturbed(lambda _x, _p, w: [w[0]], ("x",), disturbances=push)
+    stateful = system_of(lambda x, push: [push, -x], "x", "push")
+    foreign, fall = system_of(lambda z: [z], "z"), system_of(lambda _: [ca.SX(-1)], "x")
+    elsewhere = ValidatedTube(step_s=0.1, region=box(z=(0.0, 1.0)))
+    for then, reset, method, message in (
+        (stateful, {"push": 0.0}, COARSE, "both as state"),
+        (foreign, {"z": 0.0}, COARSE, "in common"),
+        (fall, {}, elsewhere, "region over states"),
+    ):
+        with pytest.raises(InputError, match=message):
+            compute_tube(
+                pushed,
+                initial_set=box(x=(0.0, 0.1)),
+                horizon_s=1.0,
+                method=Switched(then, (0.2, 0.4), reset, method),
+            )
+
+
 @pytest.mark.parametrize(
     ("between_s", "reset", "message"),
     [

@@ -57,6 +57,16 @@ def test_rounding_of_many_orders_is_in_the_radii_of_points(name: str) -> None:
     assert catchers.points_escape(name) == 0
 
 
+@pytest.mark.parametrize(("name", "degree"), [("sqrt", 3), ("real power", 3)])
+def test_powers_of_a_tiny_size_do_not_underflow(name: str, degree: int) -> None:
+    algebra = Algebra.of(deep=1, degree=degree, shallow=0)
+    inputs = balls.Inputs.random(
+        algebra, (1e-80, 0.9), (1e-82,) * 8, orders=1, seed=1, radius_share=0.0
+    )
+    with np.errstate(all="ignore"):
+        assert balls.escapes(operation(name), inputs) == 0
+
+
 def test_the_radius_of_radii_is_never_rounded_down() -> None:
     assert catchers.rounded_radii() == 0
 

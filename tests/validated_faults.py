@@ -151,7 +151,7 @@ SIGNS = (
 )  # fmt: skip
 
 SEGMENTS = (
-    Fault("a row holds its instants only", step.Stepper._step, "0.25 * h * h * bend", "0.0 * bend",
+    Fault("a row holds its instants only", step.Stepper._step, "0.25 * h * (h * bend)", "0.0 * bend",
           _tube("many turns per step")),
     Fault("a row holds its last step only", run._interval, "np.min([r.lower for r in results]",
           "np.min([r.lower for r in results[-1:]]", _tube("sine", 1.9)),
@@ -160,7 +160,7 @@ SEGMENTS = (
 )  # fmt: skip
 
 INPUTS = (
-    Fault("the inputs' moment is forgotten", forcing.forced, "0.25 * h * h * ab", "0.0 * ab",
+    Fault("the inputs' moment is forgotten", forcing.forced, "0.25 * h * (h * ab)", "0.0 * ab",
           tubes.forced_shortfall),
     Fault("a sign in the inputs' mean", forcing.forced, "h * b_mid + 0.5", "h * b_mid - 0.5",
           tubes.forced_shortfall),

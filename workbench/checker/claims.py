@@ -47,7 +47,7 @@ def spread(graph: Graph, claim: Any, proof: Any) -> None:
     blocks = claim["blocks"] = read(claim["blocks"], [form, None], "claim.blocks")
     splits = read(proof, {"splits": [{"?": {"axis": int, "at": float}}, None]}, "proof")["splits"]
     work = len(splits) * (graph.cost * (n + 2) + n**3 * {"quadratic": 500}.get(claim["norm"], 5))
-    expect(work / 2 + len(claim["instants"]) * 2500 * (n + 1) ** 2 < _MOST_WORK, "too much work")
+    expect(work / 2 + len(claim["instants"]) * 5000 * (n + 1) ** 2 < _MOST_WORK, "too much work")
     norm, owned = claim["norm"], sorted(i for b in blocks for i in b["states"])
     known = norm in ("max", "sum", "quadratic") and owned == list(range(n))
     known &= min(v.low for v in claim["initial"] + claim["differences"]) >= 0.0

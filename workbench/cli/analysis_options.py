@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import shlex
 import tempfile
@@ -24,6 +25,7 @@ _T = TypeVar("_T")
 SYSTEMS: Final = ("b1", "b1-small", "b1-brake", "b2", "b2-slow", "b2-path", "b2-noise")
 _LONGEST_S: Final = 60.0
 _MOST_STEPS: Final = 20_000
+_ROUNDING: Final = 1e-9
 _SHOWN_S: Final = (1.0, 2.0, 3.0)
 
 
@@ -119,6 +121,16 @@ def check_steps(args: argparse.Namespace, *, most: int = _MOST_STEPS) -> None:
         )
 
 
+def check_whole_steps(args: argparse.Namespace) -> None:
+    """Raise InputError unless `--horizon` is a whole number of `--step`."""
+    steps = round(args.horizon / args.step)
+    if abs(steps * args.step - args.horizon) > _ROUNDING * args.horizon:
+        raise InputError(
+            f"expected a horizon of whole steps, got --horizon {args.horizon:g} and --step "
+            f"{args.step:g}; give --step {args.horizon / steps!r}"
+        )
+
+
 def shown_instants(horizon_s: float) -> tuple[float, ...]:
     """The instants that tables show: 1, 2 and 3 s as far as the horizon goes, and its end."""
     return (*(t for t in _SHOWN_S if t < horizon_s), horizon_s)
@@ -165,13 +177,15 @@ def add_file_option(parser: argparse.ArgumentParser, option: str, *, text: str) 
 
 
 def writable_file(target: Path | None, option: str) -> None:
-    """Make the folder of `target` and try a write, so that a long run cannot end in a refusal.
+    """Try a write in the folder of `target`, so that a long run cannot end in a refusal.
 
-    Raises InputError when it cannot be written; None is no file and always right.
+    A folder that is missing is made for the trial only; writing makes it again. Raises InputError
+    when it cannot be written; None is no file and always right.
     """
     if target is None:
         return
     reason = "it is a folder" if target.is_dir() else ""
+    missing = [each for each in target.parents if not each.exists()]
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=target.parent):
@@ -180,6 +194,10 @@ def writable_file(target: Path | None, option: str) -> None:
         reason = "a part of its path is a file, not a folder"
     except OSError as error:
         reason = str(error.strerror)
+    finally:
+        for each in missing:
+            with contextlib.suppress(OSError):
+                each.rmdir()
     if reason:
         raise InputError(
             f"{option}: expected a file that can be written, got {target} ({reason}); "

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from workbench.errors import InputError
+
 if TYPE_CHECKING:
     from workbench.bench import ColdStart, KernelTime, Loop, MethodScore, SamplePlan
 
@@ -66,6 +68,10 @@ def run(args: argparse.Namespace) -> int:
     from workbench.cli.main import CLAIM_FAILS, DONE
     from workbench.cli.output import emit
 
+    if args.bundle is not None and not args.bundle.is_dir():
+        raise InputError(
+            f"--bundle: expected a bundle folder, got {args.bundle}; `workbench build` writes one"
+        )
     loops = bench_loops(tuple(args.only))
     boards = args.board or BOARDS
     count = _TRAJECTORIES_QUICK if args.quick else _TRAJECTORIES

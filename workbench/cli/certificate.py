@@ -27,7 +27,7 @@ def add_certificate_option(parser: argparse.ArgumentParser) -> None:
     add_file_option(
         parser,
         "--certificate",
-        text="write the recommended bound as a certificate, for `workbench check`",
+        text="write the tightest formula over the region as a certificate, for `workbench check`",
     )
 
 

@@ -94,8 +94,10 @@ def output_folder(folder: Path) -> Iterator[Path]:
 def replacing(target: Path) -> Iterator[Path]:
     """Path of a temporary file beside `target`, which takes its place when the block succeeds.
 
+    Missing folders are made.
     A reader finds the old file or the new one, never a part; an error leaves only the old one.
     """
+    target.parent.mkdir(parents=True, exist_ok=True)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
         yield temporary

@@ -16,11 +16,17 @@ from workbench.report.curves import Growth, Origin
 from workbench.report.figures import comparison_table, growth_figure
 from workbench.report.page import Block, Claim, Claims, Page, Paragraph, Section
 from workbench.report.ratios import RatioCurve, ratio_figure
-from workbench.report.tables import Cell, Table
+from workbench.report.tables import Cell, Table, shown
+from workbench.sets import Box
 
 HEADINGS: Final = [
     "method", "mean ratio", "proved to (s)", "rigor", "cost (s)", "condition", "derived",
 ]  # fmt: skip
+_RATIOS: Final = (
+    "mean ratio: bound over the largest distance of sampled runs, mean over time, then over the "
+    "states, 1 would be perfect; condition: of the metric at the end, in units of the samples' "
+    "spread"
+)
 
 
 def row(each: Compared) -> list[Cell]:
@@ -36,6 +42,12 @@ def row(each: Compared) -> list[Cell]:
     ]
 
 
+def told_box(box: Box) -> str:
+    """Its sides in one line."""
+    sides = zip(box.names, box.lower, box.upper, strict=True)
+    return ", ".join(f"{name} [{shown(low)}, {shown(high)}]" for name, low, high in sides)
+
+
 def comparison_page(args: argparse.Namespace, outcome: Outcome) -> Page:
     """The whole page."""
     setting, found = outcome.setting, outcome.found
@@ -45,13 +57,18 @@ def comparison_page(args: argparse.Namespace, outcome: Outcome) -> Page:
         Paragraph(outcome.best_formula.told("Recommended as a formula") + "."),
     ]
     side_by_side: list[Block] = [
-        Table("methods side by side", HEADINGS, [row(each) for each in found]),
+        Table(_RATIOS, HEADINGS, [row(each) for each in found]),
         *(Paragraph(f"{each.name}: {each.refusal}") for each in found if each.refusal),
     ]
     claims = [Claim(f"{e.name}: {e.statement}.", e.rigor) for e in found if e.rigor]
     return Page(
         f"Bounds for {setting.subject.name}",
-        [f"Staying in the region: {outcome.condition}."],
+        [
+            f"From the initial set {told_box(setting.subject.initial_set)}, over {args.horizon:g} "
+            "s; distances from the run that starts in its middle.",
+            f"Region of the formulas: {told_box(setting.region)}.",
+            f"Staying in the region: {outcome.condition}.",
+        ],
         [
             Section("Which one to use", advice),
             Section("Side by side", side_by_side),

@@ -250,6 +250,7 @@ def _report(found: _Findings) -> DemoReport:
 
 def _growths(found: _Findings) -> tuple[Growth, ...]:
     from workbench.claims import Rigor
+    from workbench.cli.analysis_results import integration_error
     from workbench.report.curves import Growth, Origin
 
     examination = found.examination
@@ -262,7 +263,7 @@ def _growths(found: _Findings) -> tuple[Growth, ...]:
             Rigor.SAMPLED,
             times,
             examination.driven,
-            detail="with gradient search",
+            error=integration_error(found.subject, horizon_s=_HORIZON_S, step_s=_STEP_S),
         ),
         Growth(
             "learned",

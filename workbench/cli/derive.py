@@ -15,6 +15,7 @@ from workbench.cli.analysis_options import (
     check_steps,
     chosen_subject,
     count,
+    separate_files,
     shown_instants,
     text_table,
     writable_file,
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from workbench.cli.analysis_results import Array
     from workbench.cli.comparison import Compared, Sampled
     from workbench.cli.recommendation import Outcome
-    from workbench.sets import Box
 
 HELP = (
     "Compares every bound on how far trajectories spread: formulas over a region, bounds along the "
@@ -50,9 +50,9 @@ METHODS: Final = (
 )  # fmt: skip
 _SAMPLES: Final = 1000
 _SEED: Final = 1
+_MOST_CELLS: Final = 100_000
 # Instants that mean the same time differ by their rounding only.
 _SAME_S: Final = 1e-9
-_ROUNDED_ZERO: Final = 1e-200
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -87,6 +87,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compare and show; 0 when no method refused and the condition is shown, 1 when not."""
     check_steps(args)
+    separate_files(args, "plot", "certificate")
+    _check_effort(args)
     writable_file(args.plot, "--plot")
     writable_file(args.certificate, "--certificate")
     subject = chosen_subject(args)
@@ -101,33 +103,50 @@ def run(args: argparse.Namespace) -> int:
         from workbench.report.page import write_page
 
         write_page(Path(args.plot), comparison_page(args, outcome).html())
-    certified = _certified(args, outcome) if args.certificate else None
+    written, certified = _certified(args, outcome) if args.certificate else (True, None)
     text = "\n".join([_text(args, outcome), *([certified] if certified else [])])
     emit(args, text, _data(args, outcome) | {"certificate": certified})
-    return 0 if outcome.holds and not any(each.refusal for each in outcome.found) else 1
+    refused = any(each.refusal for each in outcome.found)
+    return 0 if outcome.holds and written and not refused else 1
 
 
-def _certified(args: argparse.Namespace, outcome: Outcome) -> str:
-    """Write the tightest formula as a certificate, and say so."""
+def _check_effort(args: argparse.Namespace) -> None:
+    """Raise InputError where cells would not fit in memory, or no method gives a certificate."""
+    if args.cells > _MOST_CELLS:
+        raise InputError(f"--cells: expected at most {_MOST_CELLS}, got {args.cells}; give fewer")
+    from workbench.cli.methods import REGION
+
+    if args.certificate and not set(args.method) & set(REGION):
+        raise InputError(
+            f"--certificate: expected one of the methods over the region in --method, "
+            f"{', '.join(REGION)}, got {', '.join(args.method)}; add one, such as blocks"
+        )
+
+
+def _certified(args: argparse.Namespace, outcome: Outcome) -> tuple[bool, str]:
+    """Write the tightest formula as a certificate; whether it was, and what to say."""
     from workbench.cli.certificate import write_certificate
 
     bounds = [each for each in outcome.found if each.bound is not None]
     best = min(bounds, key=lambda each: each.score, default=None)
     if best is None or best.bound is None:
-        raise InputError(
-            "--certificate: expected a method over the region that gives a bound; add one of them "
-            "to --method, such as blocks"
-        )
+        return False, "no certificate: no method over the region gives a bound"
     initial_set = outcome.setting.subject.initial_set
-    slack = write_certificate(
-        args.certificate,
-        outcome.setting.subject.system,
-        best.bound,
-        initial_radius=dict(zip(initial_set.names, initial_set.radius, strict=True)),
-        instants_s=shown_instants(args.horizon),
-    )
+    try:
+        slack = write_certificate(
+            args.certificate,
+            outcome.setting.subject.system,
+            best.bound,
+            initial_radius=dict(zip(initial_set.names, initial_set.radius, strict=True)),
+            instants_s=shown_instants(args.horizon),
+        )
+    except InputError as error:
+        return False, f"no certificate for {best.name}: {error}"
     raised = f", its rates raised by the share {slack:g}" if slack else ""
-    return f"wrote {args.certificate}: {best.name}{raised}; see `workbench check`"
+    return True, (
+        f"wrote {args.certificate}: {best.name}{raised}; `workbench check {args.certificate}` "
+        "verifies it"
+    )
 
 
 def _outcome(args: argparse.Namespace, subject: Subject) -> Outcome:
@@ -179,7 +198,7 @@ def _rows_at(samples: Sampled, instants_s: tuple[float, ...]) -> list[int]:
 
 def _text(args: argparse.Namespace, outcome: Outcome) -> str:
     from workbench.cli.analysis_results import ending
-    from workbench.cli.comparison_page import HEADINGS, row
+    from workbench.cli.comparison_page import HEADINGS, row, told_box
 
     setting, states = outcome.setting, outcome.setting.subject.system.ode.states
     end = setting.samples.distances[-1]
@@ -203,7 +222,7 @@ def _text(args: argparse.Namespace, outcome: Outcome) -> str:
                 [*ratio_rows, ["sampled distance", *(float(value) for value in end)]],
             ),
             "",
-            f"region of the formulas: {_told(setting.region)}",
+            f"region of the formulas: {told_box(setting.region)}",
             f"staying in the region: {outcome.condition}",
             ending(setting.tube),
             outcome.best.told("recommended"),
@@ -211,16 +230,6 @@ def _text(args: argparse.Namespace, outcome: Outcome) -> str:
             *([f"wrote {args.plot}"] if args.plot else []),
         ]
     )
-
-
-def _told(region: Box) -> str:
-    sides = zip(region.names, region.lower, region.upper, strict=True)
-    return ", ".join(f"{name} [{_plain(low):.4g}, {_plain(high):.4g}]" for name, low, high in sides)
-
-
-def _plain(value: float) -> float:
-    """Zero for what outward rounding makes of a zero."""
-    return value if abs(value) > _ROUNDED_ZERO else 0.0
 
 
 def _data(args: argparse.Namespace, outcome: Outcome) -> dict[str, object]:

@@ -240,16 +240,14 @@ def _write_page(
         "At each instant the hull of the reachable states contains the inner set and lies in the "
         f"tube, up to {inner.times[rows - 1]:g} s."
     )
+    ratios = Table(_RATIOS, *_table(subject, tube, inner, horizon_s=args.horizon))
     page = Page(
         f"Reachable states of {subject.name} from both sides",
         [ending(tube), _inner_ending(inner)],
         [
             Section("What is claimed", [Claims([Claim(statement, rigor)])]),
             Section("Both sets", [both_sides_figure(sets)]),
-            Section(
-                "How tight the tube is",
-                [Table(_RATIOS, *_table(subject, tube, inner, horizon_s=args.horizon))],
-            ),
+            Section("How tight the tube is", [ratios]),
         ],
         __version__,
         command_line("inner", args),

@@ -11,6 +11,7 @@ from workbench.cli.analysis_options import (
     add_subject_options,
     add_time_options,
     check_steps,
+    check_whole_steps,
     chosen_subject,
     count,
     seed,
@@ -76,6 +77,7 @@ def add_sample_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Learn, show and save."""
     check_steps(args)
+    check_whole_steps(args)
     writable_file(args.save, "--save")
     subject = chosen_subject(args)
     bound, envelope = learned_bound(args, subject)

@@ -176,7 +176,9 @@ def _explain(name: str, error: Exception) -> int:
     if isinstance(error, OSError):
         return _fail(name, _describe(error), WRONG_USE)
     if isinstance(error, MemoryError):
-        return _fail(name, f"expected a task that fits in memory ({error}); ask for less", WRONG_USE)
+        return _fail(
+            name, f"expected a task that fits in memory ({error}); ask for less", WRONG_USE
+        )
     if isinstance(error, ImportError):
         missing = (error.name or "").partition(".")[0]
         for extra, packages in PACKAGES_OF_EXTRAS.items():

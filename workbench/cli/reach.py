@@ -67,9 +67,9 @@ def run(args: argparse.Namespace) -> int:
     """Compute and show; 0 when the tube reaches the horizon, 1 when not."""
     check_steps(args)
     check_sampling(args)
+    separate_files(args, "csv", "plot")
     writable_file(args.csv, "--csv")
     writable_file(args.plot, "--plot")
-    separate_files(args, "csv", "plot")
     subject = chosen_subject(args)
     parts = _parts(args.parts, subject)
     if args.sampled:

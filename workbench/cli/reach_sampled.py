@@ -34,6 +34,7 @@ _RATE_HZ: Final = 30.0
 _DELAY_S: Final = 0.05
 _LONGEST_PERIOD_S: Final = 60.0
 _MOST_PERIODS: Final = 20_000
+_MOST_PERIODS_LATE: Final = 200
 # Differences below this share of the width are its rounding.
 _ROUNDING: Final = 1e-10
 _DRIVEN: Final = ("steering", "speed")
@@ -123,12 +124,16 @@ def _check_times(args: argparse.Namespace) -> None:
                 f"--{name}-delay: expected 0 <= LOW <= HIGH, in s, got {low:g} {high:g}; "
                 "give the shortest delay, then the longest"
             )
-    periods = rate_hz * (args.horizon + sum(high for _, high in delays))
-    if periods > _MOST_PERIODS:
-        raise InputError(
-            f"expected at most {_MOST_PERIODS} periods over the horizon and the delays, got "
-            f"{periods:.4g} at --rate {rate_hz:g}; lower the rate, or shorten the times"
-        )
+    late_s = sum(high for _, high in delays)
+    for what, time_s, most in (
+        ("the horizon", args.horizon, _MOST_PERIODS),
+        ("both delays", late_s, _MOST_PERIODS_LATE),
+    ):
+        if rate_hz * time_s > most:
+            raise InputError(
+                f"expected at most {most} periods in {what}, got {rate_hz * time_s:.4g} at --rate "
+                f"{rate_hz:g}; lower the rate, or shorten the time"
+            )
 
 
 def run_sampled(args: argparse.Namespace, subject: Subject, parts: Mapping[str, int]) -> int:
@@ -184,7 +189,7 @@ def _show(
 ) -> None:
     import numpy as np
 
-    from workbench.cli.analysis_results import ending, half_widths
+    from workbench.cli.analysis_results import half_widths
     from workbench.cli.reach import tube_data
 
     times = (0.0, *shown_instants(args.horizon))
@@ -195,10 +200,7 @@ def _show(
         [
             f"{subject.name}: half widths of the set of reachable states, {_words(args)}",
             text_table(["state", "unit", "PID", *(f"{t:g} s" for t in times)], rows),
-            f"sampled {ending(sampled)}",
-            *(f"sampled {line}" for line in limits_text(sampled)),
-            f"continuous {ending(continuous)}",
-            *(f"continuous {line}" for line in limits_text(continuous)),
+            *_facts(sampled, continuous),
             *(f"wrote {file}" for file in written),
         ]
     )
@@ -213,6 +215,17 @@ def _show(
         "files": written,
     }
     emit(args, text, data)
+
+
+def _facts(sampled: ReachTube, continuous: ReachTube) -> list[str]:
+    """How both tubes end, and what they prove about limits."""
+    from workbench.cli.analysis_results import ending
+
+    return [
+        f"{name} {line}"
+        for name, tube in (("sampled", sampled), ("continuous", continuous))
+        for line in (ending(tube), *limits_text(tube))
+    ]
 
 
 def _rows(subject: Subject, wide: Array, narrow: Array) -> list[list[str | int | float | None]]:
@@ -248,7 +261,7 @@ def _write_page(
     import numpy as np
 
     from workbench import __version__
-    from workbench.cli.analysis_results import ending, half_widths, tube_curves
+    from workbench.cli.analysis_results import half_widths, tube_curves
     from workbench.report.figures import tube_figure
     from workbench.report.page import Block, Claim, Claims, Page, Section, write_page
     from workbench.report.widths import Widths, width_figure
@@ -271,11 +284,7 @@ def _write_page(
     tubes: list[Block] = [tube_figure(tube_curves(sampled, ode))] if len(sampled.lower) else []
     page = Page(
         f"Sampled and continuous PID of {subject.name}",
-        [
-            f"{name} {line}."
-            for name, tube in (("Sampled", sampled), ("Continuous", continuous))
-            for line in (ending(tube), *limits_text(tube))
-        ],
+        [f"{line[0].upper()}{line[1:]}." for line in _facts(sampled, continuous)],
         [
             Section("What is claimed", [Claims([Claim(statement, sampled.rigor)])]),
             Section("Widths side by side", blocks),

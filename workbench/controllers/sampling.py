@@ -111,16 +111,20 @@ class Sampling:
         self._check_sent()
 
     def _check_sent(self) -> None:
-        """Commands sent before t = 0 begin to act one after the other in sample time too."""
-        period, margin = Fraction(self.period_s), Fraction(1, 10**9)
-        for before in range(1, self.commands_sent - 1):
-            opens = max(Fraction(0), self.act[0] - self.ahead(before) - before * period)
-            if self.act[1] - (before + 1) * period > opens - margin:
-                raise InputError(
-                    f"Sampling: the instants of the {self.commands_sent} commands sent before "
-                    f"t = 0 drift so far apart that they overlap, at jitter_s={self.jitter_s!r}; "
-                    "lessen the jitter or the delays"
-                )
+        """Commands sent before t = 0 must begin to act one after the other in sample time too.
+
+        The earlier a command was sent, the more it drifts: the two sent first decide.
+        """
+        before, period = self.commands_sent - 2, Fraction(self.period_s)
+        if before < 1:
+            return
+        opens = max(Fraction(0), self.act[0] - self.ahead(before) - before * period)
+        if self.act[1] - (before + 1) * period > opens - Fraction(1, 10**9):
+            raise InputError(
+                f"Sampling: the instants of the {self.commands_sent} commands sent before t = 0 "
+                f"drift so far apart that they overlap, at jitter_s={self.jitter_s!r}; lessen the "
+                "jitter or the delays"
+            )
 
     @property
     def stretch(self) -> Fraction:

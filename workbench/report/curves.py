@@ -87,8 +87,9 @@ class Growth:
 
     label: name of the bound; origin, rigor: how it was made; times_s: (M,), s;
     half_widths: (M, n) in the states' units; finding: the outcome of its examination in words,
-    such as "refuted", "consistent", "implied by proof"; detail: norm, region, witness.
-    Raises InputError when times and half widths do not fit.
+    such as "refuted", "consistent", "implied by proof"; detail: norm, region, witness; error: of
+    the half widths themselves (M, n), such as the runs' integration error, None where exact.
+    Raises InputError when times, half widths and errors do not fit.
     """
 
     label: str
@@ -98,8 +99,11 @@ class Growth:
     half_widths: Values
     finding: str = ""
     detail: str = ""
+    error: Values | None = None
 
     def __post_init__(self) -> None:
+        if self.error is not None:
+            require_shape(f"the error of {self.label!r}", self.error, self.half_widths.shape)
         if self.half_widths.ndim != 2 or len(self.half_widths) != len(self.times_s):
             raise InputError(
                 f"expected half widths of shape ({len(self.times_s)}, states) for "
@@ -129,7 +133,12 @@ def mean_ratio(bound: Growth, reference: Growth) -> Values:
 
 
 def first_escape_s(bound: Growth, reference: Growth) -> float | None:
-    """First instant of `reference` at which it exceeds `bound` in some state, s; None if never."""
+    """First instant of `reference` at which it exceeds `bound` in some state, s; None if never.
+
+    An excess below the reference's own error is none.
+    """
     slack = 1e-9 * np.abs(reference.half_widths) + 1e-12
+    if reference.error is not None:
+        slack = slack + reference.error
     outside = (reference.half_widths > bound.at(reference.times_s) + slack).any(axis=1)
     return float(reference.times_s[int(np.argmax(outside))]) if outside.any() else None

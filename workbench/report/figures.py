@@ -225,6 +225,7 @@ def _growth_table(growths: Sequence[Growth], names: Sequence[str], units: Sequen
 def comparison_table(growths: Sequence[Growth], *, names: Sequence[str]) -> Table:
     """The bounds side by side: rigor, finding, first escape of a sample, mean ratio per state.
 
+    Columns that would stay empty are left out.
     The ratio is bound / largest sampled deviation, averaged over time; 1 would be perfect.
     Without a curve of sampled trajectories among `growths` the ratios stay empty.
     """
@@ -243,4 +244,10 @@ def comparison_table(growths: Sequence[Growth], *, names: Sequence[str]) -> Tabl
             + [float(ratio) for ratio in ratios]
             + [growth.detail]
         )
-    return Table("bounds side by side", headings, rows)
+    kept = [k for k in range(len(headings)) if any(row[k] not in ("", "–") for row in rows)]
+    return Table(
+        "bounds side by side; ratio: bound over the largest sampled deviation, mean over time, "
+        "1 would be perfect",
+        [headings[k] for k in kept],
+        [[row[k] for k in kept] for row in rows],
+    )

@@ -185,9 +185,10 @@ def write_page(path: Path, html_text: str) -> None:
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except OSError as error:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
         raise InputError(
             f"expected to write the report to {path}, got: {error.strerror or error}; "
             "name a folder that can be written to"
         ) from error
+    finally:
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import final
@@ -19,7 +18,7 @@ from workbench.sensitivity.jacobian import Cells, IntervalJacobian, refined, req
 from workbench.sensitivity.metric_bounds import Form, diagonal_rates
 from workbench.sensitivity.metric_proposal import Aim, propose_metric
 from workbench.sensitivity.vectorised import Array
-from workbench.sensitivity.weighted_norm import given_weights, half_widths
+from workbench.sensitivity.weighted_norm import half_widths, require_weights, squared_weights
 from workbench.sets.box import Box
 
 _CELLS_TO_PROPOSE = 16
@@ -49,9 +48,7 @@ class EuclideanNorm:
     def __post_init__(self) -> None:
         if self.cells < 1:
             raise InputError(f"expected at least 1 cell, got {self.cells}")
-        bad = {k: w for k, w in (self.weights or {}).items() if not (math.isfinite(w) and w > 0.0)}
-        if bad:
-            raise InputError(f"expected finite weights > 0, got {bad}")
+        require_weights(self.weights)
 
     def derive(self, system: System, *, region: Box, horizon_s: float) -> Discrepancy:
         """The bound as one block with a diagonal metric, its entries the squared weights."""
@@ -59,7 +56,7 @@ class EuclideanNorm:
         jacobian = IntervalJacobian(system)
         cells, scale = jacobian.start(region), half_widths(names, region)
         if self.weights is not None:
-            squared = given_weights(names, self.weights) ** 2
+            squared = squared_weights(names, self.weights)
         else:
             budget = min(_CELLS_TO_PROPOSE, self.cells)
             cells = _split(jacobian, cells, 1.0 / scale**2, budget)

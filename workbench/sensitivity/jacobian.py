@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.models.system import System
+from workbench.runtime.floats import float_mode_fault
 from workbench.sensitivity.kink_ranges import KinkRanges, lifted
 from workbench.sensitivity.kinks import generalised_jacobian, smooth_form
 from workbench.sensitivity.vectorised import Array, Index
@@ -45,12 +46,16 @@ class IntervalJacobian:
     """Encloses the generalised Jacobian of `system` over boxes, many at once.
 
     Constants of the graph are symbols, kinks have interval selectors (see `kinks`), every
-    operation is outward rounded. Raises InputError for a field that has no derivative.
+    operation is outward rounded. Raises InputError for a field that has no derivative, and where
+    the processor does not compute as the rounding assumes.
     """
 
     __slots__ = ("_jacobian", "_kinks", "_names", "axes")
 
     def __init__(self, system: System) -> None:
+        fault = float_mode_fault()
+        if fault is not None:
+            raise InputError(f"expected IEEE-754 arithmetic rounded to nearest, but {fault}")
         form = smooth_form(system.ode)
         expression, selector = generalised_jacobian(form)
         ode, x = system.ode, system.ode.x

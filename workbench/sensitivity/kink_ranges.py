@@ -15,6 +15,9 @@ from workbench.sensitivity.interval_arrays import Interval
 from workbench.sensitivity.kinks import SmoothForm
 from workbench.sensitivity.vectorised import Array, Vectorised
 
+# Kinks without a floor have one at -1e300 (`kinks`); drivers must stay away from it.
+_LEAST_DRIVER = -1e299
+
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +69,7 @@ class KinkRanges:
         for i in range(size):
             low, high, valid = self._drivers([x, *self.constant, kappa])
             driver, floor, ceiling = ((low[row], high[row]) for row in (i, size + i, 2 * size + i))
-            known = valid == 1.0
+            known = (valid == 1.0) & (driver[0] > _LEAST_DRIVER)
             for end, infinite in ((0, -np.inf), (1, np.inf)):
                 clipped = np.minimum(np.maximum(driver[end], floor[end]), ceiling[end])
                 kappa[end][i] = np.where(known, clipped, infinite)

@@ -85,9 +85,7 @@ class WeightedNorm:
     def __post_init__(self) -> None:
         if self.cells < 1:
             raise InputError(f"expected at least 1 cell, got {self.cells}")
-        bad = {k: w for k, w in (self.weights or {}).items() if not (math.isfinite(w) and w > 0.0)}
-        if bad:
-            raise InputError(f"expected finite weights > 0, got {bad}")
+        require_weights(self.weights)
 
     def derive(self, system: System, *, region: Box, horizon_s: float) -> Discrepancy:
         """The bound with its weights and rate."""
@@ -214,8 +212,24 @@ def half_widths(names: tuple[str, ...], region: Box) -> Array:
     return np.where(found > _LEAST_UNIT, found, 1.0)
 
 
+def require_weights(weights: Mapping[str, float] | None) -> None:
+    """Raise InputError unless all weights, if there are any, make a norm."""
+    bad = {k: w for k, w in (weights or {}).items() if not (math.isfinite(w) and w > 0.0)}
+    if bad:
+        raise InputError(f"expected finite weights > 0, got {bad}")
+
+
 def given_weights(names: tuple[str, ...], weights: Mapping[str, float]) -> Array:
     """The weights in the order of the states. Raises InputError unless there is one for each."""
     if set(weights) != set(names):
         raise InputError(f"expected one weight for each of {names}, got {sorted(weights)}")
     return np.array([float(weights[name]) for name in names])
+
+
+def squared_weights(names: tuple[str, ...], weights: Mapping[str, float]) -> Array:
+    """Their squares, as `given_weights`. Raises InputError where these leave the doubles."""
+    with np.errstate(all="ignore"):
+        squared = given_weights(names, weights) ** 2
+    if not np.all((squared > 0.0) & np.isfinite(squared)):
+        raise InputError(f"expected weights between 1e-150 and 1e150, got {dict(weights)}")
+    return np.asarray(squared)

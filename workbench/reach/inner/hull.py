@@ -112,9 +112,10 @@ def inner_hull(
     parameter value and disturbance (piecewise constant on the grid), whose trajectory is enclosed.
     The end of a face is the validated end of the best: reached for certain, so that
         [lower_at, upper_at] inside the reachable hull inside every tube.
-    Trajectories depend continuously on the choices, which form a connected set, so each value in
-    between is also taken. Rigor ENCLOSED whatever the search finds; `effort` only sets tightness.
-    A proof that ends early is a value (`InnerHull.status`). InputError where the names differ.
+    Trajectories depend continuously on the choices, which form a connected set: where all of them
+    last that long, each value in between is also taken. Rigor ENCLOSED whatever the search finds;
+    `effort` only sets tightness. A proof that ends early is a value (`InnerHull.status`).
+    InputError where the names differ.
     Source: Goubault and Putot, inner approximations, HSCC 2017, here by extremal trajectories.
     """
     ode = system.ode

@@ -87,6 +87,16 @@ class LocalMethod(Protocol):
         """The tube about `reference`, on its time grid."""
 
 
+def tube_along(
+    method: LocalMethod, system: System, *, initial_set: Box, horizon_s: float
+) -> ReachTube:
+    """The tube of `method` about the enclosed trajectory from the middle of `initial_set`."""
+    reference = Reference.of(
+        system, initial_set=initial_set, horizon_s=horizon_s, step_s=method.step_s
+    )
+    return method.along(reference).tube
+
+
 def require_step(step_s: float) -> None:
     """Raise InputError unless `step_s` is a time that steps can have."""
     if not (math.isfinite(step_s) and step_s > 0.0):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import final
 
 from workbench.models.system import System
-from workbench.reach.local.along import LocalRun, require_step, run_along
+from workbench.reach.local.along import LocalRun, require_step, run_along, tube_along
 from workbench.reach.local.quadratic import Effort, Forecast
 from workbench.reach.local.reference import Reference
 from workbench.reach.tube import ReachTube
@@ -36,9 +36,7 @@ class LocalBlocks:
 
     def tube(self, system: System, *, initial_set: Box, horizon_s: float) -> ReachTube:
         """A tube from `initial_set` (axes = state names) over [0, horizon_s]."""
-        return self.along(
-            Reference.of(system, initial_set=initial_set, horizon_s=horizon_s, step_s=self.step_s)
-        ).tube
+        return tube_along(self, system, initial_set=initial_set, horizon_s=horizon_s)
 
     def along(self, reference: Reference) -> LocalRun:
         """The tube about a trajectory that is known."""

@@ -8,8 +8,9 @@ from typing import final
 
 import numpy as np
 
+from workbench.errors import InputError
 from workbench.models.system import System
-from workbench.reach.local.along import LocalRun, Step, require_step, run_along
+from workbench.reach.local.along import LocalRun, Step, require_step, run_along, tube_along
 from workbench.reach.local.forecast import likely_region, likely_spread, likely_units
 from workbench.reach.local.growth import grown
 from workbench.reach.local.reference import Reference
@@ -25,6 +26,8 @@ from workbench.sensitivity.weighted_norm import (
     WeightedNorm,
     given_weights,
     measures,
+    require_weights,
+    squared_weights,
 )
 from workbench.sets import Box
 
@@ -48,12 +51,11 @@ class LocalNorm:
 
     def __post_init__(self) -> None:
         require_step(self.step_s)
+        require_weights(self.weights)
 
     def tube(self, system: System, *, initial_set: Box, horizon_s: float) -> ReachTube:
         """A tube from `initial_set` (axes = state names) over [0, horizon_s]."""
-        return self.along(
-            Reference.of(system, initial_set=initial_set, horizon_s=horizon_s, step_s=self.step_s)
-        ).tube
+        return tube_along(self, system, initial_set=initial_set, horizon_s=horizon_s)
 
     def along(self, reference: Reference) -> LocalRun:
         """The tube about a trajectory that is known."""
@@ -77,6 +79,8 @@ class LocalNorm:
             return given_weights(reference.system.ode.names, self.weights)
         method = WeightedNorm(self.norm, None, _CELLS_TO_PROPOSE, Inputs.SHARED)
         growth = _proposed(method, reference, spread)
+        if growth is None:
+            return np.asarray(1.0 / likely_units(spread))
         if not isinstance(growth, ExponentialGrowth):
             raise TypeError(f"expected an ExponentialGrowth, got {type(growth).__name__}")
         return np.array(growth.weights)
@@ -98,12 +102,11 @@ class LocalEuclidean:
 
     def __post_init__(self) -> None:
         require_step(self.step_s)
+        require_weights(self.weights)
 
     def tube(self, system: System, *, initial_set: Box, horizon_s: float) -> ReachTube:
         """A tube from `initial_set` (axes = state names) over [0, horizon_s]."""
-        return self.along(
-            Reference.of(system, initial_set=initial_set, horizon_s=horizon_s, step_s=self.step_s)
-        ).tube
+        return tube_along(self, system, initial_set=initial_set, horizon_s=horizon_s)
 
     def along(self, reference: Reference) -> LocalRun:
         """The tube about a trajectory that is known."""
@@ -124,8 +127,10 @@ class LocalEuclidean:
 
     def _squared(self, reference: Reference, spread: Array) -> Array:
         if self.weights is not None:
-            return given_weights(reference.system.ode.names, self.weights) ** 2
+            return squared_weights(reference.system.ode.names, self.weights)
         growth = _proposed(EuclideanNorm(None, _CELLS_TO_PROPOSE, Inputs.SHARED), reference, spread)
+        if growth is None:
+            return np.asarray(1.0 / likely_units(spread) ** 2)
         if not isinstance(growth, BlockwiseGrowth):
             raise TypeError(f"expected a BlockwiseGrowth, got {type(growth).__name__}")
         return np.diag(np.array(growth.metrics[0]))
@@ -138,10 +143,16 @@ def _condition(weights: Array, spread: Array) -> float:
 
 
 def _proposed(method: WeightedNorm | EuclideanNorm, reference: Reference, spread: Array) -> object:
-    """The growth that the method finds for the likely region; only its norm is used."""
+    """The growth that the method finds for the likely region, of which only the norm is used.
+
+    None where the Jacobian has no bounds there; the tube may stay in less than this region.
+    """
     region = likely_region(reference, spread)
     horizon_s = float(reference.tube.times[-1])
-    return method.derive(reference.system, region=region, horizon_s=horizon_s).growth
+    try:
+        return method.derive(reference.system, region=region, horizon_s=horizon_s).growth
+    except InputError:
+        return None
 
 
 @final

@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 
 from workbench.models.system import System
-from workbench.reach.local.along import LocalRun, Step, require_step, run_along
+from workbench.reach.local.along import LocalRun, Step, require_step, run_along, tube_along
 from workbench.reach.local.reference import Reference
 from workbench.reach.tube import Array, ReachTube
 from workbench.reach.validated.algebra import upward
@@ -39,9 +39,7 @@ class LocalGrowth:
 
     def tube(self, system: System, *, initial_set: Box, horizon_s: float) -> ReachTube:
         """A tube from `initial_set` (axes = state names) over [0, horizon_s]."""
-        return self.along(
-            Reference.of(system, initial_set=initial_set, horizon_s=horizon_s, step_s=self.step_s)
-        ).tube
+        return tube_along(self, system, initial_set=initial_set, horizon_s=horizon_s)
 
     def along(self, reference: Reference) -> LocalRun:
         """The tube about a trajectory that is known; there is no metric."""
@@ -100,6 +98,8 @@ def _exponential(matrix: Array, vector: Array, length_s: float) -> Array:
     count = 2 * (int(norm) + 1) + 20 if norm < _LONGEST else 0
     if (count + 1) * (len(matrix) + 4) > _MOST_OPERATIONS or not count:
         return np.full(len(vector), np.inf)
+    # Among subnormal numbers `upward` would not cover what products lose.
+    vector = upward(vector)
     term, total = vector, vector
     for k in range(1, count + 1):
         term = (raised @ term) * (length_s / k)

@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 
 from workbench.models.system import System
-from workbench.reach.local.along import LocalRun, Step, require_step, run_along
+from workbench.reach.local.along import LocalRun, Step, require_step, run_along, tube_along
 from workbench.reach.local.growth import grown
 from workbench.reach.local.reference import Reference
 from workbench.reach.local.transition import inverse_product, transition
@@ -43,9 +43,7 @@ class LocalLagrangian:
 
     def tube(self, system: System, *, initial_set: Box, horizon_s: float) -> ReachTube:
         """A tube from `initial_set` (axes = state names) over [0, horizon_s]."""
-        return self.along(
-            Reference.of(system, initial_set=initial_set, horizon_s=horizon_s, step_s=self.step_s)
-        ).tube
+        return tube_along(self, system, initial_set=initial_set, horizon_s=horizon_s)
 
     def along(self, reference: Reference) -> LocalRun:
         """The tube about a trajectory that is known."""

@@ -12,11 +12,16 @@ import numpy.typing as npt
 
 from workbench.models.system import Ode
 from workbench.reach.validated.algebra import Algebra, Array
+from workbench.reach.validated.bounds import Range
 from workbench.reach.validated.lines import chebyshev_line
+from workbench.reach.validated.picard import NoEnclosureError
 from workbench.reach.validated.series import Series
 from workbench.reach.validated.sets import PolynomialSet
 from workbench.reach.validated.tape import Running, Tape
 from workbench.sensitivity.kinks import relax, smooth_form
+
+# A kink without a floor has one at -1e300 (`kinks`); drivers must stay away from it.
+_LARGEST_DRIVER = 1e299
 
 
 @final
@@ -61,7 +66,8 @@ class SetMap:
         self._limits = [np.array(each).ravel() for each in limits(self._p)]
 
     def __call__(self, source: PolynomialSet, noise: Noise) -> Image:
-        """Raises OutsideDomainError where g is not defined on the whole set."""
+        """Raises OutsideDomainError where g is not defined on the whole set, NoEnclosureError
+        where numbers overflow."""
         with np.errstate(all="ignore"):
             return self._mapped(source, noise)
 
@@ -72,11 +78,7 @@ class SetMap:
         lines = np.zeros((2, batch, self._kinks))
         decided = np.zeros((batch, self._kinks), dtype=np.int8)
         for i, tape in enumerate(self._drivers):
-            driver = self._run(tape, extended, lines, first).outputs[0][0]
-            low, high = (
-                end[:, 0]
-                for end in extended.image_range(driver.coef[0][:, None], driver.radius[0][:, None])
-            )
+            low, high = _driven(extended, self._run(tape, extended, lines, first).outputs[0][0])
             floor, ceiling = (np.full(batch, end[i]) for end in self._limits)
             lines[0, :, i], lines[1, :, i], gap = chebyshev_line(low, high, floor, ceiling)
             inside, below, above = (low >= floor) & (high <= ceiling), high <= floor, low >= ceiling
@@ -88,7 +90,11 @@ class SetMap:
         for row, series in enumerate(found[:rows]):
             coef[:, row], radius[:, row] = series.coef[0], series.radius[0]
         moved = extended.mapped(coef, radius, np.zeros((batch, first + self._kinks, 0)))
-        return Image(_stripped(moved, source), decided)
+        end = _stripped(moved, source)
+        low, high = end.hull()
+        if not np.all(np.isfinite(low + high)):
+            raise NoEnclosureError("the set left the range of numbers")
+        return Image(end, decided)
 
     def _run(self, tape: Tape, source: PolynomialSet, lines: Array, first: int) -> Running:
         """Order 0 of a tape on the rows of an extended set."""
@@ -105,6 +111,15 @@ class SetMap:
         )
         running.extend(0)
         return running
+
+
+def _driven(source: PolynomialSet, driver: Series) -> Range:
+    """Range (B,) of a kink's driver."""
+    found = source.image_range(driver.coef[0][:, None], driver.radius[0][:, None])
+    low, high = (end[:, 0] for end in found)
+    if not (np.all(low > -_LARGEST_DRIVER) and np.all(high < _LARGEST_DRIVER)):
+        raise NoEnclosureError("a limited quantity left the range of numbers")
+    return low, high
 
 
 @functools.lru_cache(maxsize=32)

@@ -20,7 +20,7 @@ from workbench.reach.tube import Array, TubeStatus
 from workbench.reach.validated.algebra import upward
 from workbench.reach.validated.bounds import Range
 from workbench.reach.validated.composition import OutsideDomainError
-from workbench.reach.validated.picard import NoEnclosureError
+from workbench.reach.validated.picard import NoEnclosureError, UndefinedFieldError
 from workbench.reach.validated.run import run
 from workbench.reach.validated.sets import PolynomialSet
 from workbench.reach.validated.step import Stepper
@@ -96,7 +96,7 @@ class Marcher:
                 for event in (each for each in events if each.time == time):
                     state = self._after(state, event, done)
             except (NoEnclosureError, OutsideDomainError) as failure:
-                done.status, done.message = _ending(failure), f"{failure}, at a sample"
+                done.status, done.message = _ending(failure, seconds(time))
                 # What this sample would do to the end of the last stretch is not known.
                 done.instants[time] = before
                 del done.stretches[-1:]
@@ -151,9 +151,14 @@ class Marcher:
         )
 
 
-def _ending(failure: Exception) -> TubeStatus:
-    outside = isinstance(failure, OutsideDomainError)
-    return TubeStatus.SINGULAR if outside else TubeStatus.ENCLOSURE_FAILED
+def _ending(failure: Exception, time_s: float) -> tuple[TubeStatus, str]:
+    where = f"at the sample at t = {time_s:.6g} s"
+    if isinstance(failure, OutsideDomainError):
+        reason = f"the set reaches the border of the domain of {failure}"
+        return TubeStatus.SINGULAR, f"{reason}, {where}"
+    undefined = isinstance(failure, UndefinedFieldError)
+    status = TubeStatus.SINGULAR if undefined else TubeStatus.ENCLOSURE_FAILED
+    return status, f"{failure}, {where}"
 
 
 def _hull(first: Range, second: Range) -> Range:

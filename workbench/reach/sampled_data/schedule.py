@@ -50,9 +50,9 @@ class Schedule:
     """Period in s, and the windows in which a measurement and the begin of a command lie.
 
     A sample is the tick next to its multiple of the period. read: width of the measurement's
-    window, which begins there; act: begin and end of the command's window after it. ahead: by how much
-    earlier the windows of the commands under way begin, which were sent before t = 0 and have not
-    begun to act; the last one sent comes first. slots: how many commands wait at once.
+    window, which begins there; act: begin and end of the command's window after it. ahead: by how
+    much earlier the windows of the commands under way begin, which were sent before t = 0 and have
+    not begun to act; the last one sent comes first. slots: how many commands wait at once.
     """
 
     period_s: Fraction

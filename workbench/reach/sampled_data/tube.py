@@ -25,7 +25,8 @@ from workbench.sets import Box
 @final
 @dataclass(frozen=True, slots=True)
 class SampledTube:
-    """The tube of a closed loop under `sampling`, for a `ClosedLoop` in TRACK.
+    """The tube of a closed loop under `sampling`, for a `ClosedLoop` in TRACK or in
+    BRAKE by reference speed 0.
 
     sampling: when the controller reads and when its commands act. sent: the commands sent before
     t = 0, in the order in which they act: the one that holds at t = 0, then those under way

@@ -17,7 +17,7 @@ Ticks = int
 def ticks_down(time_s: float | Fraction) -> Ticks:
     """The last tick that is not after `time_s`, 0 <= time_s < 256 s."""
     if not 0.0 <= time_s < _LONGEST_S:
-        raise InputError(f"expected a time from 0 to {_LONGEST_S:g} s, got {time_s!r}")
+        raise InputError(f"expected a time from 0 to {_LONGEST_S:g} s, got {float(time_s)!r}")
     scaled = Fraction(time_s) * _PER_SECOND
     return scaled.numerator // scaled.denominator
 

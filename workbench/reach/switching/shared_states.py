@@ -32,7 +32,8 @@ class SharedStates:
 
     @classmethod
     def of(cls, first: Ode, then: Ode, *, longest_s: float) -> SharedStates:
-        """Raises InputError where states of one name have different units."""
+        """Raises InputError where states of one name have different units, where a name is a
+        state's and another signal's, and where there is no common state."""
         units = {signal.name: signal.unit for signal in first.states}
         for signal in then.states:
             if units.get(signal.name, signal.unit) != signal.unit:
@@ -40,7 +41,12 @@ class SharedStates:
                     f"expected the state {signal.name!r} in one unit, got "
                     f"{units[signal.name]!r} before the switch and {signal.unit!r} after it"
                 )
+        if not units.keys() & set(then.names):
+            raise InputError(
+                f"expected systems with a state in common, got {first.names} and {then.names}"
+            )
         signals = (*first.states, *(s for s in then.states if s.name not in units))
+        _check_names(signals, first, then)
         every = (*first.parameters, *then.parameters)
         constants = [
             *dict.fromkeys(_constant(q) for q in every if q.lower < q.upper),
@@ -115,6 +121,17 @@ class SharedStates:
                 f"does not have; for example {{{missing[0]!r}: 0.0}}"
             )
         return {self.index(name): _interval(name, value) for name, value in reset.items()}
+
+
+def _check_names(signals: tuple[Signal, ...], first: Ode, then: Ode) -> None:
+    states = {signal.name for signal in signals}
+    others = (*first.parameters, *then.parameters, *first.disturbances, *then.disturbances)
+    twice = sorted({other.name for other in others} & states)
+    if twice:
+        raise InputError(
+            f"expected names that mean the same before and after the switch, got {twice} both as "
+            "state and as parameter or disturbance; rename one of them"
+        )
 
 
 def _constant(parameter: Ranged) -> Ranged:

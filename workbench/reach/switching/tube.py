@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,6 +26,8 @@ from workbench.reach.validated.tube import ValidatedTube
 from workbench.sets import Box
 
 _ONE_UNIT = np.array([0.0, 1.0])
+_SCALED = "where 1 s stands for a piece of the time of the switch"
+_SINCE = "counted from the switch or from the end of its piece"
 
 
 @final
@@ -69,6 +72,7 @@ class Switched:
         times = SwitchingTimes.of(self.between_s, horizon_s=horizon_s, step_s=self.method.step_s)
         states = SharedStates.of(system.ode, self.then.ode, longest_s=seconds(times.piece))
         resets = states.resets(self.reset)
+        _check_region(self.method.region, states)
         ends = np.array(states.initial_intervals(initial_set)).T
         start = PolynomialSet.of_boxes(ends[:1], ends[1:], degree=self.method.degree)
         first = Stepper(states.embedded(states.first))
@@ -127,6 +131,16 @@ def _record(rows: Sequence[Row]) -> KinkRecord:
     return KinkRecord(table[:, 0], table[:, 1] == 1.0)
 
 
+def _check_region(region: Box | None, states: SharedStates) -> None:
+    known = [name for name in states.first.names if name in states.then.names]
+    unknown = [] if region is None else sorted(set(region.names) - set(known))
+    if unknown:
+        raise InputError(
+            f"expected a region over states that both systems have ({', '.join(known)}), got "
+            f"{', '.join(unknown)}"
+        )
+
+
 def _inside(region: Box | None, names: tuple[str, ...], low: Array, high: Array) -> bool:
     if region is None:
         return True
@@ -152,16 +166,22 @@ def _switched(
     complete = [trace for trace in before if not _ended(trace)]
     if not times.pieces:
         start = with_values(complete[0].end, resets)
-        return (run(then, start, in_seconds(times.after(1))),)
+        return (_told(run(then, start, in_seconds(times.after(1))), _SINCE),)
     groups = len(complete) - 1
     if not groups:
         return ()
     scaled = Stepper(states.embedded(states.first, states.elapsed))
     up = run(scaled, joined([trace.end for trace in complete[:groups]]), _ONE_UNIT)
     if _ended(up):
-        return (up,)
+        return (_told(up, _SCALED),)
     rest = Stepper(states.embedded(states.then, seconds(times.piece) - states.elapsed))
     caught = run(rest, with_values(up.end, resets), _ONE_UNIT)
     if _ended(caught):
-        return up, caught
-    return up, caught, run(then, caught.end, in_seconds(times.after(groups)))
+        return up, _told(caught, _SCALED)
+    return up, caught, _told(run(then, caught.end, in_seconds(times.after(groups))), _SINCE)
+
+
+def _told(trace: Trace, clock: str) -> Trace:
+    """The trace, with a message that says what its times count."""
+    message = f"{trace.message}, {clock}" if trace.message else ""
+    return dataclasses.replace(trace, message=message)

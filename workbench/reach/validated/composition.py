@@ -69,7 +69,8 @@ def _remainders(derivatives: Series, size: Array, batch: int) -> Array:
     """Bounds (D + 2, B) of (f_j(X) - mid) |u|^j for j <= D, and of f_j(X) |u|^j for j = D + 1."""
     over_set = derivatives.radius[:, batch:].copy()
     over_set[-1] += derivatives.size(len(over_set) - 1)[batch:]
-    powers = size ** np.arange(len(over_set))[:, None]
+    # A power that underflows would hide a derivative that is huge.
+    powers = np.maximum(size ** np.arange(len(over_set))[:, None], np.finfo(np.float64).tiny)
     bounds = upward(over_set * powers)
     return np.asarray(np.where(np.isnan(bounds), np.inf, bounds))
 

@@ -49,13 +49,15 @@ def forced(jacobian: Range, by_input: Range, radius: Array, h: float) -> Forced:
     ab = a_mid @ b_mid
     ab_slack = (a_mid.shape[1] + 2) * UNIT * (np.abs(a_mid) @ np.abs(b_mid))
     loose = upward(_times(b_rad, radius))
-    first = h * b_mid + 0.5 * h * h * ab
-    generators = np.concatenate([first, 0.25 * h * h * ab], axis=2) * np.tile(radius, 2)[:, None, :]
-    rounding = 4.0 * UNIT * _times(np.abs(h * b_mid) + h * h * np.abs(ab), radius)
+    first = h * b_mid + 0.5 * h * (h * ab)
+    generators = (
+        np.concatenate([first, 0.25 * h * (h * ab)], axis=2) * np.tile(radius, 2)[:, None, :]
+    )
+    rounding = 4.0 * UNIT * _times(np.abs(h * b_mid) + h * (h * np.abs(ab)), radius)
     box = (
         h * (loose + _times(a_rad, reach))
-        + 0.5 * h * h * _times(np.abs(a_mid), upward(loose + _times(a_size, reach)))
-        + h * h * _times(ab_slack, radius)
+        + 0.5 * h * (h * _times(np.abs(a_mid), upward(loose + _times(a_size, reach))))
+        + h * (h * _times(ab_slack, radius))
         + 2.0 * rounding
     )
     return Forced(generators, upward(box), upward(0.5 * h * push + 2.0 * h * _times(a_size, reach)))
@@ -76,7 +78,7 @@ def _largest_deviation(a_size: Array, push: Array, h: float) -> Array:
 
 
 def _centred(pair: Range) -> tuple[Array, Array]:
-    middle = 0.5 * pair[0] + 0.5 * pair[1]
+    middle = np.clip(0.5 * pair[0] + 0.5 * pair[1], *pair)
     return middle, upward(np.maximum(pair[1] - middle, middle - pair[0]))
 
 

@@ -56,7 +56,7 @@ class Stepper:
         self._p = np.array(form.parameter_values())
         lower = np.array([d.lower for d in ode.disturbances])
         upper = np.array([d.upper for d in ode.disturbances])
-        self._w = 0.5 * lower + 0.5 * upper
+        self._w = np.clip(0.5 * lower + 0.5 * upper, lower, upper)
         self._w_radius = upward(np.maximum(upper - self._w, self._w - lower))
         self._w_ends = lower, upper
         self.ode = ode
@@ -93,7 +93,7 @@ class Stepper:
         after = end.hull()
         # |y''| over the step bounds how far a state leaves the chord between the two instants.
         bend = np.stack([_magnitude(s, 2, batch) for s in x], axis=1)
-        chord = upward(0.25 * h * h * bend + effect.chord)
+        chord = upward(0.25 * h * (h * bend) + effect.chord)
         lower = np.maximum(np.minimum(hull[0], after[0]) - chord, box[0])
         upper = np.minimum(np.maximum(hull[1], after[1]) + chord, box[1])
         # NaN goes through every operation above, so finite ends mean finite parts.
