@@ -151,8 +151,8 @@ SIGNS = (
 )  # fmt: skip
 
 SEGMENTS = (
-    Fault("a row holds its instants only", step.Stepper._step, "0.25 * h * (h * bend)", "0.0 * bend",
-          _tube("many turns per step")),
+    Fault("a row holds its instants only", step.Stepper._step, "0.25 * h * (h * bend)",
+          "0.0 * bend", _tube("many turns per step")),
     Fault("a row holds its last step only", run._interval, "np.min([r.lower for r in results]",
           "np.min([r.lower for r in results[-1:]]", _tube("sine", 1.9)),
     Fault("inputs do not leave the chord", forcing.forced, "0.5 * h * push + 2.0 * h *", "0.0 *",
