@@ -164,8 +164,9 @@ def test_kernel_times_are_counted() -> None:
 
 
 def test_a_folder_without_a_bundle_has_no_cold_start(tmp_path) -> None:
-    with pytest.raises(InputError, match="expected a bundle that decides"):
+    with pytest.raises(InputError, match="expected a bundle that decides") as caught:
         cold_start(tmp_path)
+    assert "workbench.errors" not in str(caught.value)
 
 
 def test_the_command_reports_everything(

@@ -151,7 +151,7 @@ def test_a_claim_about_nothing_is_no_certificate() -> None:
 def test_without_docstrings_nothing_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workbench.checker.claims.spread, "__doc__", None)
     for words in ("", spread("growth")["statement"]):
-        with pytest.raises(ValueError, match="other words"):
+        with pytest.raises(ValueError, match="something else"):
             check(json.dumps(changed(["statement"], words)).encode())
 
 

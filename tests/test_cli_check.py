@@ -96,7 +96,7 @@ def test_a_file_without_end_is_refused() -> None:
         ("[]", "it has no format"),
         ('{"format": "workbench certificate 0"}', "its format is 'workbench certificate 0'"),
         ('{"format": "workbench certificate 1"}', "the file: expected"),
-        ('{"format": ' + "9" * 100_000 + "}", "the file: expected"),
+        ('{"format": ' + "9" * 100_000 + "}", "the file: expected an object of format, statement"),
     ],
 )
 def test_what_is_no_certificate_is_named_in_one_line(
@@ -110,6 +110,29 @@ def test_what_is_no_certificate_is_named_in_one_line(
     assert len(result.err.splitlines()) == 1
     assert len(result.err) < 600
     assert result.out == ""
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"statement": "It is safe."}, "it states something else (altered, or another version)"),
+        ({"kind": "proof"}, "kind: expected spread or tube"),
+        ({"kind": 1}, "the file.kind: expected text, got 1"),
+        ({"claim": []}, "claim: expected an object of region, ranges, differences"),
+        ({"proof": {"splits": [1]}}, "proof.splits[0]: expected an object of axis, at, got 1"),
+        ({"proof": {"splits": {}}}, "proof.splits: expected a list of items, got {}"),
+        ({"proof": {"splits": [{"axis": "0", "at": 0}]}}, "axis: expected an index, got '0'"),
+    ],
+)
+def test_an_altered_file_is_told_what_was_expected(
+    change: dict[str, object], said: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "bound.json"
+    file.write_text(json.dumps(spread("max") | change), encoding="utf-8")
+    result = invoke("check", file)
+    assert result.status == 2
+    assert said in result.err
+    assert "class" not in result.err
 
 
 @pytest.mark.parametrize("name", ["", "absent.json"])

@@ -32,6 +32,29 @@ def test_both_tubes_and_their_difference_are_shown(tmp_path: Path) -> None:
     assert "difference" in shown.out
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--sampled",),
+        ("--sampled", "--drift", "--jitter", "0.001"),
+        ("--sampled", "--parts", "y=2"),
+        ("--switch-at", "0.1", "0.1"),
+        ("--switch-at", "0.1", "0.2", "--step", "0.05"),
+        ("--switch-at", "0", "0.3", "--parts", "y=2"),
+    ],
+    ids=" ".join,
+)
+def test_progress_goes_on_by_rows(words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("workbench.cli.output._SECONDS_BETWEEN_LINES", 0.0)
+    shown = invoke("reach", *BRIEF, *words).err.splitlines()
+    shares = [int(line.split("%")[0].split()[-1]) for line in shown]
+    rows = shares[: shares.index(100)]
+    assert rows == sorted(set(rows))
+    assert len(rows) >= 5
+    # Full with the last row, and not before; the line after it says that all is done.
+    assert shares[len(rows) + 1] == 100
+
+
 def test_equal_widths_differ_by_nothing() -> None:
     shown = invoke("reach", *BRIEF, "--sampled").out.splitlines()
     differences = [line.split()[1] for line in shown if line.split()[0] == "difference"]
@@ -61,6 +84,9 @@ def test_commands_sent_before_the_start_count() -> None:
         (("--sampled", "--actuation-delay", "1e9", "1e9"), "at most 200 periods in both delays"),
         (("--sampled", "--actuation-delay", "0.1", "0"), "0 <= LOW <= HIGH"),
         (("--sampled", "--actuation-delay", "0", "0.1"), "out of order"),
+        (("--system", "b2", "--sampled", "--sent", "100", "0"), "limits, -0.2 to 0.2 rad/s, got"),
+        (("--system", "b2", "--sampled", "--sent", "0", "1.1"), "limits, -2 to 1 m/s^2, got 1.1"),
+        (("--system", "b2", "--sampled", "--sent", "0", "-2.1"), "ACCELERATION within the act"),
     ],
 )
 def test_misuse_is_refused(words: tuple[str, ...], message: str) -> None:

@@ -88,5 +88,7 @@ def _one(bundle: Path) -> ColdStart:
     process_s = time.perf_counter() - start
     if done.returncode:
         last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        raise InputError(f"expected a bundle that decides, {bundle} does not: {last}")
+        # A traceback ends with the error's class, which says nothing to who gave the folder.
+        reason = last.removeprefix(f"{InputError.__module__}.{InputError.__name__}: ")
+        raise InputError(f"expected a bundle that decides, {bundle} does not: {reason}")
     return ColdStart(processes=_PROCESSES, process_s=process_s, **json.loads(done.stdout))

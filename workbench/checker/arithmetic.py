@@ -1,7 +1,6 @@
 """Outward-rounded intervals. Trusted: integers, fractions, binary64 + - * / rounded to nearest.
 
-Series are summed in this arithmetic, which encloses their rounding; what one leaves out stands in
-the innermost factor of its Horner form, with the range of Lagrange's remainder."""
+A series encloses its rounding; Lagrange's remainder is the innermost factor of its Horner form."""
 
 from __future__ import annotations
 

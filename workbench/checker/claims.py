@@ -18,16 +18,18 @@ def check(data: bytes) -> str:
     form = {"format": str, "statement": str, "kind": str, "claim": object, "proof": object}
     try:
         file = read(parse(data), form | {"model": lists | {"field": object}}, "the file")
-        model, kind = file["model"], {"spread": spread, "tube": tube}[file["kind"]]
-        statement = " ".join((kind.__doc__ or "").split())
-        expect((file["format"], file["statement"]) == (FORMAT, statement or None), "other words")
+        model, kinds = file["model"], {"spread": spread, "tube": tube}
+        expect(file["format"] == FORMAT and file["kind"] in kinds, "kind: expected spread or tube")
+        kind = kinds[file["kind"]]
+        shown = " ".join((kind.__doc__ or "").split()) or None
+        expect(file["statement"] == shown, "it states something else (altered, or another version)")
         n, m = len(model["states"]), len(model["inputs"])
         expect(len({*model["states"], *model["inputs"]}) == n + m, "model: a name occurs twice")
         expect(0 < n <= n + m <= 60 and len(model["nodes"]) <= 3000, "model: too large")
         kind(Graph(model["nodes"], model["field"], n, m), file["claim"], file["proof"])
     except (LookupError, ArithmeticError, TypeError, RecursionError) as error:
         raise ValueError(f"the file does not fit together: {error!r}") from None
-    return statement
+    return str(shown)
 
 
 def spread(graph: Graph, claim: Any, proof: Any) -> None:
@@ -46,9 +48,11 @@ def spread(graph: Graph, claim: Any, proof: Any) -> None:
     form = {"states": [int, None], "metric": object, "comparison": [float, len(claim["blocks"])]}
     blocks = claim["blocks"] = read(claim["blocks"], [form, None], "claim.blocks")
     splits = read(proof, {"splits": [{"?": {"axis": int, "at": float}}, None]}, "proof")["splits"]
-    work = len(splits) * (graph.cost * (n + 2) + n**3 * {"quadratic": 500}.get(claim["norm"], 5))
-    expect(work / 2 + len(claim["instants"]) * 5000 * (n + 1) ** 2 < _MOST_WORK, "too much work")
     norm, owned = claim["norm"], sorted(i for b in blocks for i in b["states"])
+    ends = zip(graph.units, [ONE] * n + claim["differences"], strict=True)
+    claim["moves"] = moves = [[d if x else x for x in unit] for unit, d in ends if d]
+    work = len(splits) * (graph.cost * (len(moves) + 2) + n**3 * {"quadratic": 500}.get(norm, 5))
+    expect(work / 2 + len(claim["instants"]) * 5000 * (n + 1) ** 2 < _MOST_WORK, "too much work")
     known = norm in ("max", "sum", "quadratic") and owned == list(range(n))
     known &= min(v.low for v in claim["initial"] + claim["differences"]) >= 0.0
     expect(known, "claim: no such norm, a state in no or two blocks, or a distance below 0")
@@ -60,10 +64,7 @@ def spread(graph: Graph, claim: Any, proof: Any) -> None:
         expect(plain and 0 < k <= 12 and positive(p), "claim.blocks.metric: defines no norm")
     for cell in _cells(claim["region"], splits):
         _check_cell(graph, claim, cell)
-    drift, start = (
-        [_norm(norm, b["metric"], [claim[key][i] for i in b["states"]]) for b in blocks]
-        for key in ("mismatch", "initial")
-    )
+    drift, start = ([_norm(norm, b, claim[k]) for b in blocks] for k in ("mismatch", "initial"))
     for each in claim["instants"]:
         expect(0 <= each["time_s"].low <= claim["horizon_s"].low, "an instant after the horizon")
         sizes = grown([b["comparison"] for b in blocks], drift, start, each["time_s"])
@@ -89,12 +90,12 @@ def _cells(region: Vector, splits: Sequence[Any]) -> Iterator[list[Interval]]:
 
 
 def _check_cell(graph: Graph, claim: Any, cell: Vector) -> None:
-    """Logarithmic norms and norms are convex: averages of Jacobians on a segment obey them too."""
-    values = graph.values([*cell, *claim["ranges"]])
-    gaps = [Interval(-d.high, d.high) for d in claim["differences"]]
-    felt = zip(graph.tangent(values, [ZERO] * graph.n + gaps), claim["mismatch"], strict=True)
-    require(all(x.size() <= y.low for x, y in felt), "the mismatch is too small")
-    columns = [graph.tangent(values, unit) for unit in graph.units]
+    """Sizes, norms and logarithmic norms are convex: averages of Jacobians obey them too."""
+    values, n = graph.values([*cell, *claim["ranges"]]), graph.n
+    columns = [graph.tangent(values, move) for move in claim["moves"]]
+    felt = zip(zip(*columns, strict=True), claim["mismatch"], strict=True)
+    holds = all(sum((Interval(x.size()) for x in row[n:]), ZERO).high <= y.low for row, y in felt)
+    require(holds, "the mismatch is too small")
     for (k, b), (j, c) in itertools.product(enumerate(claim["blocks"]), repeat=2):
         part = [[columns[column][row] for column in c["states"]] for row in b["states"]]
         other, bound, p = (None if j == k else c["metric"]), b["comparison"][j], b["metric"]
@@ -140,8 +141,9 @@ def _definite(a: Matrix, p: Matrix, other: Matrix | None, bound: Interval) -> bo
     return positive(upper + [[*pa[i], *row] for i, row in enumerate(scaled)])
 
 
-def _norm(norm: str, p: Matrix, radius: Vector) -> Interval:
-    """An upper bound of the norm over the box of this radius; a quadratic has it at a corner."""
+def _norm(norm: str, block: Any, radii: Vector) -> Interval:
+    """An upper bound of the norm over the box of these radii; a quadratic has it at a corner."""
+    p, radius = block["metric"], [radii[state] for state in block["states"]]
     terms = [p[i][i] * r for i, r in enumerate(radius)]
     if norm != "quadratic":
         return sum(terms, ZERO) if norm == "sum" else max(terms, key=lambda x: x.high)
@@ -201,12 +203,10 @@ def _step(graph: Graph, ranges: Vector, step: Any, frame: Any, after: Any) -> No
         core = [x.hull(y) for x, y in zip(core, each, strict=True)]
     _require_within(core, box, "a core")
     mixed = [graph.values([*box[: j + 1], *core[j + 1 :], *ranges]) for j in range(n)]
-    columns = [graph.tangent(v, unit) for v, unit in zip(mixed, graph.units, strict=True)]
-    jacobian = list(zip(*columns, strict=True))
+    jacobian = list(zip(*map(graph.tangent, mixed, graph.units), strict=True))
     center = [[Interval(x.low / 2 + x.high / 2) for x in row] for row in jacobian]
     rest = [list(map(sub, *rows)) for rows in zip(jacobian, center, strict=True)]
-    gaps = list(map(sub, ranges, middle))
-    felt = graph.tangent(graph.values([*core, *ranges]), [ZERO] * n + gaps)
+    felt = graph.tangent(graph.values([*core, *ranges]), [ZERO] * n + [*map(sub, ranges, middle)])
     (end, onward), (_, back) = (_flows(center, length * x) for x in (ONE, -ONE))
     back, onward = product(frame["inverse"], back), product(onward, frame["frame"])
     growth = [[Interval(x.size()) for x in row] for row in product(product(back, rest), onward)]

@@ -11,13 +11,13 @@ from typing import Any
 from workbench.checker.arithmetic import ZERO, Interval, UnprovedError
 
 UNKNOWN = Interval(math.nan)  # every operation but the product with 0, or `inside`, refuses it
+_WORDS = {str: "text", float: "a number", int: "an index", Interval: "two numbers"}
 _BINARY: dict[str, Callable[[Interval, Interval], Interval]] = {
     "add": operator.add, "sub": operator.sub, "mul": operator.mul, "div": operator.truediv,
     "fmin": lambda a, b: Interval(min(a.low, b.low), min(a.high, b.high)),
     "fmax": lambda a, b: Interval(max(a.low, b.low), max(a.high, b.high)),
 }  # fmt: skip
-# The derivative of g = phi(a), from a and g.
-_SLOPES: dict[str, Callable[[Interval, Interval], Interval]] = {
+_SLOPES: dict[str, Callable[[Interval, Interval], Interval]] = {  # phi'(a), from a and phi(a)
     "sin": lambda a, _g: a.function("cos"), "cos": lambda a, _g: -a.function("sin"),
     "tan": lambda _a, g: Interval(1) + g**2, "exp": lambda _a, g: g,
     "log": lambda a, _g: Interval(1) / a, "sqrt": lambda _a, g: Interval(0.5) / g,
@@ -66,7 +66,9 @@ def read(value: Any, form: Any, where: str) -> Any:
     form = form["?"] if isinstance(form, dict) and "?" in form else form
     if isinstance(form, dict) and isinstance(value, dict) and set(value) == set(form):
         return {key: read(value[key], form[key], f"{where}.{key}") for key in form}
-    raise ValueError(f"{where}: expected {form}, got {value!r:.60}")
+    keys = isinstance(form, dict) and f"an object of {', '.join(form)}"
+    items = isinstance(form, list) and f"a list of {form[1] or 'items'}"
+    raise ValueError(f"{where}: expected {keys or items or _WORDS[form]}, got {value!r:.60}")
 
 
 class Graph:
@@ -74,7 +76,7 @@ class Graph:
 
     def __init__(self, nodes: Any, field: Any, n: int, m: int) -> None:
         self.n, self.m, self.field = n, m, read(field, [int, n], "model.field")
-        self.units = [[Interval(i == j) for i in range(n + m)] for j in range(n)]
+        self.units = [[Interval(i == j) for i in range(n + m)] for j in range(n + m)]
         self.nodes: list[tuple[str, int, Any]] = [("variable", k, 0) for k in range(n + m)]
         for i, item in enumerate(nodes):
             where = f"model.nodes[{i}]"
@@ -117,8 +119,7 @@ class Graph:
         its derivative is almost everywhere one of them."""
         moved = list(change)
         for k, (name, a, b) in enumerate(self.nodes[len(change) :], len(change)):
-            da = moved[a] if name != "constant" else ZERO
-            db = moved[b] if name in _BINARY else ZERO
+            da, db = moved[a] if name != "constant" else ZERO, moved[b] if name in _BINARY else ZERO
             x, y, g = values[a], values[b if name in _BINARY else a], values[k]
             if not (da or db):
                 change_k = ZERO

@@ -26,6 +26,8 @@ workbench campaign --method sensitivity --step 0.02
 _METHODS: Final = ("validated", "sensitivity")
 _STEP_S: Final = {"validated": 0.05, "sensitivity": 0.02}
 _PER_LOOP: Final = 100
+# About what a loop's tube and a trajectory take on two shared cores.
+_TUBE_S, _TRAJECTORY_S, _LONG_S = 3.0, 3.5e-4, 3600.0
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -59,8 +61,11 @@ def run(args: argparse.Namespace) -> int:
     """Run, print, and return 1 unless every trajectory is inside."""
     from workbench.bench.campaign import run_campaign
     from workbench.cli.main import CLAIM_FAILS, DONE
-    from workbench.cli.output import Progress, emit
+    from workbench.cli.output import Progress, emit, warn
 
+    expected_s = _TUBE_S * args.loops + _TRAJECTORY_S * args.trajectories
+    if expected_s > _LONG_S:
+        warn(f"about {expected_s / 3600.0:.0f} h; fewer --loops or --trajectories take less")
     step_s = _STEP_S[args.method] if args.step is None else args.step
     with Progress("campaign", args.loops) as progress:
         result = run_campaign(

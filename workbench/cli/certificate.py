@@ -27,7 +27,8 @@ def add_certificate_option(parser: argparse.ArgumentParser) -> None:
     add_file_option(
         parser,
         "--certificate",
-        text="write the tightest formula over the region as a certificate, for `workbench check`",
+        text="write the tightest formula over the region, not the recommended tube, as a "
+        "certificate for `workbench check`; with --over tube it is about one initial set, tighter",
     )
 
 
@@ -60,6 +61,6 @@ def write_certificate(
             write_text(file, text)
             return slack
     raise InputError(
-        f"the independent checker cannot show this bound ({refusal}); derive it with more cells, "
-        "or certify another method"
+        f"the independent checker cannot show this bound ({refusal}); derive it with more cells "
+        "(fewer where it is too much work), or certify another method"
     )

@@ -22,8 +22,9 @@ from workbench.cli.analysis_options import (
 )
 from workbench.cli.common import write_text
 from workbench.cli.output import emit, warn
-from workbench.cli.reach_sampled import add_sampling_options, check_sampling, run_sampled
+from workbench.cli.reach_sampled import run_sampled
 from workbench.cli.reach_switch import add_switch_options, chosen_switch
+from workbench.cli.sampling_options import add_sampling_options, check_sampling
 from workbench.cli.tube_table import limits_data, limits_text, tube_csv
 from workbench.errors import InputError
 

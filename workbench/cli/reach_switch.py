@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, final
 
@@ -120,8 +120,12 @@ class Switch:
         from workbench.reach import ValidatedTube
         from workbench.reach.switching.tube import Switched
 
-        method = Switched(self.brake, self.between_s, self._reset, ValidatedTube(step_s=step_s))
-        return tube_by(method, self.subject, horizon_s=horizon_s, parts=parts)
+        def method(each_row: Callable[[], object]) -> Switched:
+            steps = ValidatedTube(step_s=step_s, each_row=each_row)
+            return Switched(self.brake, self.between_s, self._reset, steps)
+
+        rows = method(lambda: None).rows_run(horizon_s)
+        return tube_by(method, Run(self.subject, horizon_s, parts, rows))
 
     def runs(self, *, horizon_s: float, count: int, seed: int) -> SampledRuns:
         """Runs that switch at several times, the first and the last among them, each with constant
@@ -189,16 +193,29 @@ def _moved(
     return dict(zip(ode.names, moved.T, strict=True))
 
 
-def tube_by(
-    method: TubeMethod, subject: Subject, *, horizon_s: float, parts: Mapping[str, int]
-) -> ReachTube:
-    """The hull over the cells of the initial set, with a progress bar."""
+@final
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What a tube starts from, how far it goes, and how many rows each cell takes."""
+
+    subject: Subject
+    horizon_s: float
+    parts: Mapping[str, int]
+    rows: int
+
+
+def tube_by(method_of: Callable[[Callable[[], object]], TubeMethod], run: Run) -> ReachTube:
+    """The hull over the cells of the initial set, with a progress bar.
+
+    method_of: the method that calls its argument when a row is done.
+    """
     from workbench.reach.compute import hull
 
-    cells = subject.initial_set.split(parts)
-    tubes = []
-    with Progress("tube" if len(cells) == 1 else f"tube of {len(cells)} cells", len(cells)) as bar:
-        for cell in cells:
-            tubes.append(method.tube(subject.system, initial_set=cell, horizon_s=horizon_s))
-            bar.advance()
+    subject, cells = run.subject, run.subject.initial_set.split(run.parts)
+    label = "tube" if len(cells) == 1 else f"tube of {len(cells)} cells"
+    with Progress(label, len(cells) * run.rows) as bar:
+        method = method_of(bar.advance)
+        tubes = [
+            method.tube(subject.system, initial_set=cell, horizon_s=run.horizon_s) for cell in cells
+        ]
     return hull(tuple(tubes))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import final
 
@@ -83,11 +83,20 @@ class Marcher:
         self._shift = Shift(held) if schedule.read else None
         self._rates = PlantRates(held) if held.sampling.stretch else None
 
-    def march(self, start: PolynomialSet, until: Ticks, *, stops: Sequence[Ticks]) -> March:
-        """All of [0, until] in sample time, or up to where a proof fails; also halts at `stops`."""
+    def march(
+        self,
+        start: PolynomialSet,
+        until: Ticks,
+        *,
+        stops: Sequence[Ticks],
+        each_stop: Callable[[], object],
+    ) -> March:
+        """All of [0, until] in sample time, or up to where a proof fails; also halts at `stops`,
+        and calls `each_stop` at each after 0."""
         done, state = March(), _State(start, False)
         events = self._schedule.events(until)
-        times = sorted({0, *(event.time for event in events), *stops, until})
+        halts = {*stops} - {0}
+        times = sorted({0, *(event.time for event in events), *halts, until})
         for k, time in enumerate(times):
             before = state.box()
             if done.stretches and (rates := done.stretches[-1].rates) is not None:
@@ -113,6 +122,8 @@ class Marcher:
             rates = self._rates(box, opening=state.opening) if self._rates else None
             done.stretches.append(Stretch(time, times[k + 1], box, trace.kinks[0], rates))
             state = _State(_trimmed(trace.end), state.opening)
+            if times[k + 1] in halts:
+                each_stop()
         return done
 
     def _after(self, state: _State, event: Event, done: March) -> _State:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
@@ -30,7 +31,7 @@ class SampledTube:
 
     sampling: when the controller reads and when its commands act. sent: the commands sent before
     t = 0, in the order in which they act: the one that holds at t = 0, then those under way
-    (`sampling.commands_sent` in all). degree: as in `ValidatedTube`.
+    (`sampling.commands_sent` in all). degree, each_row: as in `ValidatedTube`.
 
     Between events the plant runs under held commands, by validated steps. At a sample the law's
     image of the set is taken with new estimation errors: each limit by its best affine relaxation,
@@ -51,6 +52,7 @@ class SampledTube:
     sampling: Sampling
     sent: tuple[SentCommand, ...]
     degree: int
+    each_row: Callable[[], object] = field(default=lambda: None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if len(self.sent) != self.sampling.commands_sent:
@@ -72,7 +74,8 @@ class SampledTube:
         start = self._start(system, held, schedule, initial_set)
         times = (*schedule.dues(horizon), horizon)
         until = sample_time(horizon, stretch)
-        march = Marcher(held, schedule).march(start, until, stops=times)
+        marcher = Marcher(held, schedule)
+        march = marcher.march(start, until, stops=times, each_stop=self.each_row)
         return _tube(Rows.of(march, times, stretch), march, system.ode.names)
 
     def _start(

@@ -76,6 +76,13 @@ class SwitchingTimes:
         starts = [self.together(group) for group in range(groups)]
         return tuple(sorted({t - s for t, s in itertools.product(self.all, starts) if t >= s}))
 
+    @property
+    def rows_run(self) -> int:
+        """How many rows there are to compute, groups side by side counted once."""
+        switching = self.pieces + 2 if self.pieces else 0
+        after = self.after(max(1, self.pieces))
+        return len(self.before) - 1 + switching + len(after) - 1
+
 
 def in_seconds(ticks: Sequence[Ticks]) -> Array:
     """Instants in s, exact."""

@@ -40,7 +40,7 @@ class Switched:
 
     then: the second system; states that only it has need a reset. between_s: (t1, t2) in s, t1 =
     t2 for a known time. reset: state -> value or (low, high). method: step, degree and region; a
-    region names states that both systems have.
+    region names states that both systems have; its each_row is called `rows_run` times.
 
     [t1, t2] is cut into pieces of at most step_s, d long. A switch within the piece that begins at
     s is s + theta, and theta in [0, d] is one more variable of the polynomial: over one unit of
@@ -67,6 +67,11 @@ class Switched:
         if not (math.isfinite(high) and 0.0 <= low <= high):
             raise InputError(f"expected 0 <= t1 <= t2 in between_s, got {self.between_s!r}")
 
+    def rows_run(self, horizon_s: float) -> int:
+        """How many rows a tube over [0, horizon_s] computes: its own, and those of the switch."""
+        step_s = self.method.step_s
+        return SwitchingTimes.of(self.between_s, horizon_s=horizon_s, step_s=step_s).rows_run
+
     def tube(self, system: System, *, initial_set: Box, horizon_s: float) -> ReachTube:
         """Run over [0, horizon_s] from `initial_set` (axes = state names of `system`)."""
         times = SwitchingTimes.of(self.between_s, horizon_s=horizon_s, step_s=self.method.step_s)
@@ -76,19 +81,56 @@ class Switched:
         ends = np.array(states.initial_intervals(initial_set)).T
         start = PolynomialSet.of_boxes(ends[:1], ends[1:], degree=self.method.degree)
         first = Stepper(states.embedded(states.first))
-        before = [run(first, start, in_seconds(times.before))]
+        before = [self._run(first, start, in_seconds(times.before))]
         before[0].lower_at[0], before[0].upper_at[0] = ends[:1], ends[1:]
         for k in range(times.pieces):
             if _ended(before[-1]):
                 break
             piece = times.begin(k), times.begin(k + 1)
-            before.append(run(first, before[-1].end, in_seconds(piece)))
-        switching = () if _ended(before[0]) else _switched(states, resets, before, times)
+            before.append(self._run(first, before[-1].end, in_seconds(piece)))
+        switching = () if _ended(before[0]) else self._switched(states, resets, before, times)
         caught = switching[1] if times.pieces and len(switching) > 1 else None
         after = switching[-1] if len(switching) == (3 if times.pieces else 1) else None
         runs = SwitchingRuns.of(times, resets, before=before, caught=caught, after=after)
         failed = next((t for t in (*before, *switching) if _ended(t)), None)
         return self._tube(states, runs, failed)
+
+    def _run(self, stepper: Stepper, start: PolynomialSet, times_s: Array) -> Trace:
+        def row_done(_low: Array, _high: Array) -> bool:
+            self.method.each_row()
+            return True
+
+        return run(stepper, start, times_s, inside=row_done)
+
+    def _switched(
+        self,
+        states: SharedStates,
+        resets: Mapping[int, tuple[float, float]],
+        before: Sequence[Trace],
+        times: SwitchingTimes,
+    ) -> tuple[Trace, ...]:
+        """Up to the switch, from it to the end of the piece, and what follows, all groups at once.
+
+        Ends with the first trace that fails. For a known time there is only what follows.
+        """
+        then = Stepper(states.embedded(states.then))
+        complete = [trace for trace in before if not _ended(trace)]
+        if not times.pieces:
+            start = with_values(complete[0].end, resets)
+            return (_told(self._run(then, start, in_seconds(times.after(1))), _SINCE),)
+        groups = len(complete) - 1
+        if not groups:
+            return ()
+        scaled = Stepper(states.embedded(states.first, states.elapsed))
+        up = self._run(scaled, joined([trace.end for trace in complete[:groups]]), _ONE_UNIT)
+        if _ended(up):
+            return (_told(up, _SCALED),)
+        rest = Stepper(states.embedded(states.then, seconds(times.piece) - states.elapsed))
+        caught = self._run(rest, with_values(up.end, resets), _ONE_UNIT)
+        if _ended(caught):
+            return up, _told(caught, _SCALED)
+        after = self._run(then, caught.end, in_seconds(times.after(groups)))
+        return up, caught, _told(after, _SINCE)
 
     def _tube(self, states: SharedStates, runs: SwitchingRuns, failed: Trace | None) -> ReachTube:
         rows = runs.rows()
@@ -150,35 +192,6 @@ def _inside(region: Box | None, names: tuple[str, ...], low: Array, high: Array)
 
 def _ended(trace: Trace) -> bool:
     return trace.status is not TubeStatus.COMPLETE
-
-
-def _switched(
-    states: SharedStates,
-    resets: Mapping[int, tuple[float, float]],
-    before: Sequence[Trace],
-    times: SwitchingTimes,
-) -> tuple[Trace, ...]:
-    """Up to the switch, from it to the end of the piece, and what follows, all groups at once.
-
-    Ends with the first trace that fails. For a known time there is only what follows.
-    """
-    then = Stepper(states.embedded(states.then))
-    complete = [trace for trace in before if not _ended(trace)]
-    if not times.pieces:
-        start = with_values(complete[0].end, resets)
-        return (_told(run(then, start, in_seconds(times.after(1))), _SINCE),)
-    groups = len(complete) - 1
-    if not groups:
-        return ()
-    scaled = Stepper(states.embedded(states.first, states.elapsed))
-    up = run(scaled, joined([trace.end for trace in complete[:groups]]), _ONE_UNIT)
-    if _ended(up):
-        return (_told(up, _SCALED),)
-    rest = Stepper(states.embedded(states.then, seconds(times.piece) - states.elapsed))
-    caught = run(rest, with_values(up.end, resets), _ONE_UNIT)
-    if _ended(caught):
-        return up, _told(caught, _SCALED)
-    return up, caught, _told(run(then, caught.end, in_seconds(times.after(groups))), _SINCE)
 
 
 def _told(trace: Trace, clock: str) -> Trace:
