@@ -8,8 +8,8 @@ from tube_cases import Array, dense_times, march
 from workbench.models import System
 from workbench.reach import ReachTube
 from workbench.reach.local import (
-    Effort,
     LocalBlocks,
+    LocalEffort,
     LocalEuclidean,
     LocalGrowth,
     LocalLagrangian,
@@ -24,7 +24,7 @@ from workbench.sets import Box
 
 def local_methods(step_s: float) -> dict[str, LocalMethod]:
     """Every local method, by name; weights and metrics are proposed."""
-    effort = Effort(6, 1e4, 1)
+    effort = LocalEffort(6, 1e4, 1)
     return {
         "max": LocalNorm(Norm.MAX, None, step_s),
         "sum": LocalNorm(Norm.SUM, None, step_s),

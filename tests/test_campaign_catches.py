@@ -11,7 +11,7 @@ import pytest
 from cli_fixture import invoke
 
 from workbench.bench import campaign
-from workbench.bench.campaign import LoopResult, check_loop, run_campaign
+from workbench.bench.campaign import CampaignResult, LoopResult, check_loop, run_campaign
 from workbench.bench.random_loops import RandomLoop, random_loops
 from workbench.claims import Rigor
 from workbench.errors import InputError
@@ -235,3 +235,16 @@ def test_the_command_reports_and_its_status_tells(monkeypatch: pytest.MonkeyPatc
 )
 def test_the_command_refuses_wrong_use(words: tuple[str, ...]) -> None:
     assert invoke("campaign", *words).status == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "warned"),
+    [(("--trajectories", "100000000"), True), (("--loops", "5000"), True), ((), False)],
+)
+def test_a_campaign_of_hours_is_announced(
+    words: tuple[str, ...], warned: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(campaign, "run_campaign", lambda *_, **__: CampaignResult(1, ()))
+    found = invoke("campaign", *words)
+    assert found.status == 0
+    assert ("h; fewer --loops or --trajectories take less" in found.err) is warned

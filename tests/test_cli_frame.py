@@ -19,7 +19,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from workbench.cli.common import replacing, writable_folder, write_bytes, write_text
+from workbench.cli.common import replacing, writable_folder, write_text
 from workbench.cli.main import COMMANDS, load_command, main
 from workbench.cli.output import Progress, emit, plain
 from workbench.errors import InputError
@@ -211,8 +211,8 @@ def test_nothing_half_written_stays(tmp_path: Path) -> None:
         temporary.write_text("ha")
         raise ValueError("midway")
     assert target.read_text() == "whole"
-    write_bytes(target, b"new")
-    assert target.read_bytes() == b"new"
+    write_text(target, "new")
+    assert target.read_text() == "new"
     assert list(tmp_path.iterdir()) == [target]
 
 

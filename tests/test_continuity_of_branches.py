@@ -284,3 +284,11 @@ def test_expressions_too_large_to_expand_are_refused_unless_the_same_on_both_sid
     for expression in (other, wide):
         with pytest.raises(InputError, match="could not be proved continuous"):
             system_from_casadi(x, ca.vertcat(expression, rest), names)
+
+
+def test_a_field_with_structural_zeros_keeps_its_rows() -> None:
+    field = ca.vertcat(ca.SX(1, 1), ca.if_else(U < 1, U, 1))
+    form = smooth_form(system_from_casadi(X, field, ("x", "y")))
+    assert form.field.shape == (2, 1)
+    assert form.field[0].is_zero()
+    assert not form.field[1].is_zero()

@@ -13,8 +13,8 @@ from workbench.errors import InputError
 from workbench.models import Ranged
 from workbench.reach import TubeStatus
 from workbench.reach.local import (
-    Effort,
     LocalBlocks,
+    LocalEffort,
     LocalEuclidean,
     LocalGrowth,
     LocalLagrangian,
@@ -86,7 +86,7 @@ def test_the_metric_of_a_stable_focus_decays_at_the_rate_of_its_eigenvalues() ->
     """No diagonal weights show decay; an optimal metric comes close to e^(-0.5 t)."""
     system = system_of(lambda x, y: [-0.5 * x - 4.0 * y, x - 0.5 * y], "x", "y")
     initial = box(x=(-0.2, 0.2), y=(-0.1, 0.1))
-    effort = Effort(8, 1e4, 1)
+    effort = LocalEffort(8, 1e4, 1)
     for method in (LocalMetric(effort, 0.1), LocalBlocks((("x", "y"),), effort, 0.1)):
         tube = method.tube(system, initial_set=initial, horizon_s=4.0)
         widths = tube.half_width_at()
@@ -104,7 +104,7 @@ def test_a_change_of_metric_is_taken_when_it_is_worth_it() -> None:
     initial = box(x=(0.9, 1.1), y=(-0.1, 0.1), clock=(0.0, 0.0))
     areas = []
     for proposals in (1, 4):
-        method = LocalMetric(Effort(8, 1e4, proposals), 0.1)
+        method = LocalMetric(LocalEffort(8, 1e4, proposals), 0.1)
         tube = method.tube(system, initial_set=initial, horizon_s=2.0)
         areas.append(tube.half_width_at()[-1, :2].prod())
     assert areas[1] < 0.8 * areas[0]
@@ -131,14 +131,14 @@ def test_wrong_use_is_refused() -> None:
     with pytest.raises(InputError, match="expected a positive step_s in s, got 0"):
         LocalGrowth(0.0)
     with pytest.raises(InputError, match="at least 1 proposal"):
-        Effort(8, 1e4, 0)
+        LocalEffort(8, 1e4, 0)
     with pytest.raises(InputError, match="vertices from 0 to 14, got 15"):
-        Effort(15, 1e4, 1)
+        LocalEffort(15, 1e4, 1)
     with pytest.raises(InputError, match="condition_max >= 1"):
-        Effort(8, 0.5, 1)
+        LocalEffort(8, 0.5, 1)
     system = system_of(lambda x: [-x], "x")
     with pytest.raises(InputError, match="blocks with every state"):
-        LocalBlocks((("y",),), Effort(8, 1e4, 1), 0.1).tube(
+        LocalBlocks((("y",),), LocalEffort(8, 1e4, 1), 0.1).tube(
             system, initial_set=box(x=(0.0, 1.0)), horizon_s=1.0
         )
 

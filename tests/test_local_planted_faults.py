@@ -24,7 +24,7 @@ from workbench.reach.local import (
     quadratic,
     transition,
 )
-from workbench.reach.local.quadratic import Effort, QuadraticBound
+from workbench.reach.local.quadratic import LocalEffort, QuadraticBound
 from workbench.sensitivity.blockwise import rows
 from workbench.sets import Box
 
@@ -47,7 +47,9 @@ def metric_tube() -> ReachTube:
     """A rotation in the metrics I and, offered at step 4, 100 I."""
     reference = Reference.of(ROTATION, initial_set=ROTATION_SET, horizon_s=1.0, step_s=0.1)
     plan = {0: (rows(np.eye(2)),), 4: (rows(100.0 * np.eye(2)),)}
-    bound = QuadraticBound(((0, 1),), plan, Effort(8, 1e4, 2), np.ones(2), reference.tube.times)
+    bound = QuadraticBound(
+        ((0, 1),), plan, LocalEffort(8, 1e4, 2), np.ones(2), reference.tube.times
+    )
     return along.run_along(reference, bound).tube
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 
 import casadi as ca
@@ -90,3 +91,27 @@ def test_every_supported_operation_has_an_interval_rule() -> None:
             assert lifted(lambda x, k=operation: ca.SX.unary(k, x), 1)
         else:
             assert lifted(lambda x, y, k=operation: ca.SX.binary(k, x, y), 2)
+
+
+def test_calls_and_other_symbols_are_refused() -> None:
+    x, m = ca.SX.sym("x"), ca.MX.sym("m")
+    pair = ca.Function("pair", [x], [ca.sin(x), ca.cos(x)], {"never_inline": True})
+    first, second = pair(x)
+    with pytest.raises(InputError, match="never_inline"):
+        system_from_casadi(x, first + second, ("x",))
+    with pytest.raises(InputError, match="expected SX symbols and an SX field, got MX and MX"):
+        system_from_casadi(m, -m, ("m",))
+
+
+def test_deep_graphs_and_nested_branches_are_decided_in_bounded_time() -> None:
+    """What many share is looked at once; a search for a proof is given up."""
+    x = ca.SX.sym("x")
+    deep = nested = x
+    for _ in range(24):
+        deep = ca.sin(deep) + ca.cos(deep)
+    for _ in range(4):
+        nested = ca.if_else(nested < 1, nested, 0.5 * nested + 0.5)
+    start = time.monotonic()
+    for field in (ca.if_else(x < 1, deep * x, deep), nested):
+        assert system_from_casadi(x, field, ("x",)).branchless_field() is not None
+    assert time.monotonic() - start < 60.0

@@ -214,3 +214,16 @@ def loop_escapes() -> list[str]:
 
 def test_the_benchmark_loop_from_a_point_is_contained_to_the_last_bit() -> None:
     assert loop_escapes() == []
+
+
+def test_a_square_under_a_disturbance_holds_the_ends_that_are_reached() -> None:
+    """x' = x^2 + w with |w| <= 0.3: the ends are reached by constant w, tan and tanh of time."""
+    w = (Ranged.symmetric("w", "", 0.3),)
+    system = disturbed(lambda x, p, w: [x[0] ** 2 + w[0]], ("x",), disturbances=w)
+    method = ValidatedTube(0.2)
+    tube = compute_tube(system, initial_set=box(x=(0.0, 0.4)), horizon_s=0.8, method=method)
+    assert tube.complete
+    root, t = math.sqrt(0.3), tube.times
+    top, bottom = root * np.tan(root * t + math.atan(0.4 / root)), -root * np.tanh(root * t)
+    assert np.all(tube.upper_at[:, 0] >= top - 1e-14)
+    assert np.all(tube.lower_at[:, 0] <= bottom + 1e-14)

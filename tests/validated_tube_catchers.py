@@ -114,21 +114,6 @@ def runs_outside_the_loop() -> int:
     return escaping_runs(tube, times, march(loop.system, cases.points(ordered, 60), times))
 
 
-def outside_riccati() -> int:
-    """x' = x^2 + w with |w| <= 0.3: the ends are reached by constant w, tan and tanh of time."""
-    w = (Ranged.symmetric("w", "", 0.3),)
-    system = disturbed(lambda x, p, w: [x[0] ** 2 + w[0]], ("x",), disturbances=w)
-    tube = compute_tube(
-        system, initial_set=box(x=(0.0, 0.4)), horizon_s=0.8, method=ValidatedTube(0.2)
-    )
-    root, t = math.sqrt(0.3), tube.times
-    top = root * np.tan(root * t + math.atan(0.4 / root))
-    bottom = -root * np.tanh(root * t)
-    return int(np.sum(tube.upper_at[:, 0] < top - 1e-14) + np.sum(
-        tube.lower_at[:, 0] > bottom + 1e-14
-    )) + (not tube.complete)  # fmt: skip
-
-
 def outside_bang_bang() -> int:
     """x'' = -x + w with |w| <= 0.5 from a point, in steps of 0.4 s; 0.5 integral of |sin|."""
     w = (Ranged.symmetric("w", "", 0.5),)

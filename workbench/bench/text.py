@@ -34,7 +34,7 @@ def tightness_text(loop: Loop, scores: Sequence[MethodScore]) -> str:
         "escapes",
         "touching",
         *(f"{signal.name} ratio" for signal in signals),
-        "kinks decided",
+        "limits decided",
         "s for 3 s",
     ]
     names = [signal.name for signal in signals]

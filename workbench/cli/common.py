@@ -110,9 +110,3 @@ def write_text(target: Path, text: str) -> None:
     """Write a UTF-8 file whole or not at all."""
     with replacing(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
-
-
-def write_bytes(target: Path, content: bytes) -> None:
-    """Write a file whole or not at all."""
-    with replacing(target) as temporary:
-        temporary.write_bytes(content)

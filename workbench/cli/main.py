@@ -18,8 +18,8 @@ from workbench.cli.interruption import check, stoppable
 from workbench.errors import InputError
 
 COMMANDS: Final = {
-    "derive": "derive a proved bound on the spread of a closed loop",
-    "check": "verify a certificate with an independent checker",
+    "derive": "compare every bound on the spread of a closed loop and recommend one",
+    "check": "verify a certificate with a small independent checker",
     "learn": "learn a bound from sampled trajectories",
     "examine": "hold a learned bound against the proved ones and try to refute it",
     "reach": "compute a tube that contains every trajectory",

@@ -7,8 +7,8 @@ from typing import Final
 
 from workbench.reach import SensitivityTube, TubeMethod, ValidatedTube
 from workbench.reach.local import (
-    Effort,
     LocalBlocks,
+    LocalEffort,
     LocalEuclidean,
     LocalGrowth,
     LocalLagrangian,
@@ -16,8 +16,8 @@ from workbench.reach.local import (
     LocalMetric,
     LocalNorm,
 )
-from workbench.sensitivity import GrowthMatrix, Norm, WeightedNorm, block_growth
-from workbench.sensitivity.block_growth import BlockGrowth
+from workbench.sensitivity import GrowthMatrix, Norm, WeightedNorm
+from workbench.sensitivity.block_growth import BlockGrowth, Effort
 from workbench.sensitivity.discrepancy import DerivationMethod
 from workbench.sensitivity.euclidean_norm import EuclideanNorm
 from workbench.sensitivity.inputs import Inputs
@@ -33,13 +33,13 @@ _VERTICES: Final = 8
 RegionMethod = Callable[[int, Inputs, bool], DerivationMethod]
 
 
-def _over_region(cells: int, kinked: bool) -> block_growth.Effort:
+def _over_region(cells: int, kinked: bool) -> Effort:
     form = Form.CENTRE_RADIUS if kinked else Form.VERTICES
-    return block_growth.Effort(form, CONDITION_MAX, cells)
+    return Effort(form, CONDITION_MAX, cells)
 
 
-def _along() -> Effort:
-    return Effort(_VERTICES, CONDITION_MAX, _PROPOSALS)
+def _along() -> LocalEffort:
+    return LocalEffort(_VERTICES, CONDITION_MAX, _PROPOSALS)
 
 
 # From the number of cells, what the trajectories share, and whether the field has kinks: undecided

@@ -10,8 +10,8 @@ from typing import final
 from workbench.claims import Rigor
 from workbench.cli.comparison import Compared, Family, Setting
 
-# A cheaper method within this share of the tightest one is as good.
-_AS_GOOD = 0.10
+# A method within this share of the tightest one is as good if it costs at most that share of it.
+_AS_GOOD, _CHEAPER = 0.10, 0.5
 
 
 @final
@@ -41,7 +41,7 @@ class Outcome:
 
 
 def recommended(found: Sequence[Compared], *, condition_holds: bool) -> Recommendation:
-    """The cheapest of the ENCLOSED methods within 10 % of the tightest that reach the horizon.
+    """The tightest ENCLOSED method that reaches the horizon, or one as good at half the cost.
 
     A bound over the region qualifies only where its condition is shown.
     """
@@ -57,14 +57,19 @@ def recommended(found: Sequence[Compared], *, condition_holds: bool) -> Recommen
             None, "no ENCLOSED method reaches the horizon; shorten it or shrink the initial set"
         )
     tightest = min(proved, key=lambda each: each.score)
-    near = [each for each in proved if each.score <= (1.0 + _AS_GOOD) * tightest.score]
-    best = min(near, key=lambda each: each.cost_s)
+    near = [
+        each
+        for each in proved
+        if each.score <= (1.0 + _AS_GOOD) * tightest.score
+        and each.cost_s <= _CHEAPER * tightest.cost_s
+    ]
+    best = min(near, key=lambda each: each.cost_s, default=tightest)
     if best is tightest:
         reason = f"the tightest ENCLOSED method to the horizon ({_figures(best)})"
     else:
         reason = (
             f"ENCLOSED to the horizon and within {_AS_GOOD:.0%} of the tightest, {tightest.name} "
-            f"({_figures(tightest)}), at less cost ({_figures(best)})"
+            f"({_figures(tightest)}), at no more than half the cost ({_figures(best)})"
         )
     return Recommendation(best.name, reason + _beyond(proved, best))
 

@@ -34,7 +34,7 @@ def limits_text(tube: ReachTube) -> list[str]:
     if tube.kinks is None or not tube.kinks.linear.size:
         return []
     if tube.kinks.unsaturated:
-        return ["limits: none is reached at any time (unsaturated throughout)"]
+        return ["limits: none is exceeded at any time (unsaturated throughout)"]
     return [f"limits: may be reached; decided for {tube.kinks.share:.1%} of steps and limits"]
 
 

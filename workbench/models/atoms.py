@@ -107,35 +107,49 @@ class Atoms:
     def depends(self, polynomial: Polynomial, on: int) -> bool:
         """Whether the atom `on` occurs, inside functions too; unknown values may hold it."""
         return any(
-            index == on
-            or self._atoms[index].name == "unknown"
-            or any(self.depends(inner, on) for inner in self._atoms[index].arguments)
-            for index in polynomial.atoms
+            index == on or self._atoms[index].name == "unknown" for index in self.within(polynomial)
         )
+
+    def within(self, polynomial: Polynomial) -> set[int]:
+        """All atoms that occur, inside functions too; each is opened once."""
+        found: set[int] = set()
+        ahead = list(polynomial.atoms)
+        while ahead:
+            index = ahead.pop()
+            if index not in found:
+                found.add(index)
+                for inner in self._atoms[index].arguments:
+                    ahead.extend(inner.atoms)
+        return found
 
     def substituted(
         self, polynomial: Polynomial, values: Mapping[int, Polynomial], *, deep: bool = True
     ) -> Polynomial:
         """The polynomial with atoms replaced; `deep`: inside functions too."""
+        # Grows by every atom that is met, so that what many share is replaced once.
+        return self._substituted(polynomial, dict(values), deep)
+
+    def _substituted(
+        self, polynomial: Polynomial, known: dict[int, Polynomial], deep: bool
+    ) -> Polynomial:
         result = Polynomial()
         for monomial, coefficient in polynomial.terms:
             term = Polynomial.number(coefficient)
             for index, exponent in monomial:
-                term = term * self._replaced(index, values, deep).raised(exponent)
+                term = term * self._replaced(index, known, deep).raised(exponent)
             result = result + term
         return result
 
-    def _replaced(self, index: int, values: Mapping[int, Polynomial], deep: bool) -> Polynomial:
-        if index in values:
-            return values[index]
-        atom = self._atoms[index]
-        if deep and atom.name == "unknown":
-            raise TooLargeError
-        if not deep or not atom.arguments:
-            return Polynomial.atom(index)
-        return self.function(
-            atom.name, *(self.substituted(inner, values) for inner in atom.arguments)
-        )
+    def _replaced(self, index: int, known: dict[int, Polynomial], deep: bool) -> Polynomial:
+        if index not in known:
+            atom = self._atoms[index]
+            if deep and atom.name == "unknown":
+                raise TooLargeError
+            known[index] = Polynomial.atom(index)
+            if deep and atom.arguments:
+                inner = [self._substituted(each, known, deep) for each in atom.arguments]
+                known[index] = self.function(atom.name, *inner)
+        return known[index]
 
     def _minimum_with_zero(self, argument: Polynomial) -> Polynomial:
         low, high = self.bounds(argument)

@@ -25,7 +25,7 @@ class ExactValues:
     folds nothing.
     """
 
-    __slots__ = ("_inputs", "_numbers", "_ranges", "_unknown", "atoms", "literals")
+    __slots__ = ("_expressions", "_inputs", "_ranges", "_unknown", "atoms", "literals")
 
     def __init__(
         self, inputs: Sequence[ca.SX], ranges: Sequence[Sequence[Range]], literals: Literals
@@ -35,6 +35,7 @@ class ExactValues:
         self._inputs = inputs
         self._ranges = ranges
         self._unknown: dict[int, ca.SX] = {}
+        self._expressions: dict[int, ca.SX] = {}
 
     def symbol(self, atom: int) -> ca.SX:
         """The SX symbol of an input atom."""
@@ -43,12 +44,8 @@ class ExactValues:
 
     def is_parameter(self, polynomial: Polynomial) -> bool:
         """Whether it depends on nothing but parameters."""
-        for index in polynomial.atoms:
-            atom = self.atoms[index]
-            inner = bool(atom.arguments) and all(map(self.is_parameter, atom.arguments))
-            if not inner and not (atom.name == "input" and atom.key[0] == 1):
-                return False
-        return True
+        inside = [self.atoms[index] for index in self.atoms.within(polynomial)]
+        return all(atom.arguments or (atom.name == "input" and atom.key[0] == 1) for atom in inside)
 
     def of(
         self, index: int, node: Node, operands: Sequence[Polynomial], value: ca.SX
@@ -74,6 +71,11 @@ class ExactValues:
         return total
 
     def _atom(self, index: int) -> ca.SX:
+        if index not in self._expressions:
+            self._expressions[index] = self._made(index)
+        return self._expressions[index]
+
+    def _made(self, index: int) -> ca.SX:
         atom = self.atoms[index]
         if atom.name == "input":
             return self.symbol(index)

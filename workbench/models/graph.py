@@ -65,6 +65,11 @@ def graph_of(function: ca.Function) -> Graph:
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         source, target = function.instruction_input(k), function.instruction_output(k)
+        if len(target) > 1 and operation != ca.OP_OUTPUT and operation != ca.OP_INPUT:
+            raise InputError(
+                f"expected elementary operations, got the call of a function that is not inlined "
+                f"in {function.name()!r}; call .expand() on it or drop its option never_inline"
+            )
         if operation == ca.OP_OUTPUT:
             outputs[target[0]][target[1]] = register[source[0]]
             continue

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from workbench.models.atoms import Atoms
 from workbench.models.polynomials import Polynomial
 
-_MOST_STEPS = 2000
+_MOST_STEPS = 100
 
 
 def is_nonnegative(atoms: Atoms, claim: Polynomial, given: Sequence[Polynomial]) -> bool:

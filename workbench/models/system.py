@@ -140,10 +140,17 @@ def system_from_casadi(
 ) -> Ode:
     """Make a `System` of an SX field (n x 1) over the symbols `states` (n x 1), one name for each.
 
+    Raises as `Ode` does, and InputError on anything but SX (MX graphs are not differentiated here).
+
     >>> x = ca.SX.sym("x")
     >>> system_from_casadi(x, -x, ("x",)).names
     ('x',)
     """
+    if not (isinstance(states, ca.SX) and isinstance(field, ca.SX)):
+        raise InputError(
+            f"expected SX symbols and an SX field, got {type(states).__name__} and "
+            f"{type(field).__name__}; build the model from ca.SX.sym"
+        )
     units = units or ("",) * len(names)
     signals = tuple(Signal(n, unit) for n, unit in zip(names, units, strict=True))
     empty = ca.SX(0, 1)

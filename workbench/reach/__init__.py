@@ -1,5 +1,10 @@
 """Reach tubes of closed loops and their separation from people."""
 
+from workbench.reach.certified.certificate import (
+    certificate_text,
+    spread_certificate,
+    tube_certificate,
+)
 from workbench.reach.certified.frame_tube import FrameTube
 from workbench.reach.compute import Partitioned, TubeMethod, compute_tube
 from workbench.reach.findings.encounter import Encounter
@@ -8,6 +13,7 @@ from workbench.reach.inner.extremes import SearchEffort
 from workbench.reach.inner.hull import InnerHull, inner_hull, proved_ratio
 from workbench.reach.local import (
     LocalBlocks,
+    LocalEffort,
     LocalEuclidean,
     LocalGrowth,
     LocalLagrangian,
@@ -30,6 +36,7 @@ __all__ = [
     "InnerHull",
     "KinkRecord",
     "LocalBlocks",
+    "LocalEffort",
     "LocalEuclidean",
     "LocalGrowth",
     "LocalLagrangian",
@@ -49,9 +56,12 @@ __all__ = [
     "TubeMethod",
     "TubeStatus",
     "ValidatedTube",
+    "certificate_text",
     "check_separation",
     "compute_tube",
     "explain_separation",
     "inner_hull",
     "proved_ratio",
+    "spread_certificate",
+    "tube_certificate",
 ]

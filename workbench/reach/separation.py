@@ -134,7 +134,8 @@ class PathGround:
 @final
 @dataclass(frozen=True, slots=True)
 class Separation:
-    """verdict: SAFE when every proved clearance reaches what was required, UNPROVED otherwise.
+    """verdict: SAFE when every proved clearance reaches what was required, INVALID when the tube is
+    not complete, UNPROVED otherwise.
 
     clearance_m: smallest proved clearance, inf with nobody; time_s: start of its segment;
     person: who; occupancy (K x 5): one rectangle per segment that contains the body: centre x, y
@@ -162,7 +163,9 @@ def check_separation(
 
     tube: over the states that `ground` reads; people: discs that grow along straight lines, at the
     tube's time 0. Conservative: the body's rectangle is taken over the whole segment box, a
-    person's disc over the whole segment. A tube that is not complete gives INVALID.
+    person's disc over the whole segment. A tube that is not complete gives INVALID. Rigor: the
+    weaker one of the tube's and the ground's. Raises InputError on a clearance that is negative or
+    not finite, and where the tube leaves the ground's path table.
     """
     if not (math.isfinite(clearance_required_m) and clearance_required_m >= 0):
         raise InputError(

@@ -18,9 +18,10 @@ class TubeStatus(enum.Enum):
     """How a tube computation ended; everything but COMPLETE ends `times` where the proof ends.
 
     LEFT_REGION: the tube left the region for which its bounds hold; use a smaller initial set or a
-    larger region. ENCLOSURE_FAILED: no a priori enclosure was found; use a shorter step or split
-    the initial set. SINGULAR: a pole of tan or a division by an interval with zero lies in the
-    tube.
+    larger region. ENCLOSURE_FAILED: no a priori enclosure was found, or steps became too short; use
+    a shorter step or split the initial set. SINGULAR: a pole (of tan, or a division by an interval
+    with zero), or the border of a domain (of log, sqrt, asin, ...), lies in what a step sweeps; use
+    a smaller initial set.
     """
 
     COMPLETE = 0
@@ -49,8 +50,13 @@ class KinkRecord:
 
     @property
     def unsaturated(self) -> bool:
-        """Whether no limit is reached by any trajectory at any time of the tube."""
-        return bool(self.linear.all())
+        """Whether no limit is exceeded by any trajectory at any time of the tube.
+
+        Limits are constants and parameters in fmin, fmax and if_else. False where the tube has no
+        row, and where a kink has no such limit: of two moving values none is known to be it.
+        """
+        rows, count = self.linear.shape
+        return bool(self.linear.all()) and (rows > 0 or count == 0)
 
 
 @final
@@ -58,9 +64,10 @@ class KinkRecord:
 class ReachTube:
     """Boxes that contain every trajectory from an initial set.
 
-    times (K+1): grid in s; lower, upper (K x n): row k encloses every state on all of
-    [times[k], times[k+1]]; lower_at, upper_at (K+1 x n): the sets at the instants; names: columns;
-    kinks: which limits were decided, where the method says so.
+    times (K+1): grid in s; lower, upper (K x n), in the states' units: row k encloses every state
+    on all of [times[k], times[k+1]]; lower_at, upper_at (K+1 x n): the sets at the instants; names:
+    columns; status, message: how it ended, and why; rigor: as its method says; kinks: which limits
+    were decided, where the method says so. Raises ValueError where the shapes do not fit.
     """
 
     times: Array

@@ -41,7 +41,8 @@ class Discrepancy:
 
     names: the states, in order. region: where the claim holds (`condition` says for which
     trajectories); axes that it leaves out are unrestricted. horizon_s: the claim ends there. norm:
-    in words and formula. proof: what can be re-checked; None for learned bounds.
+    in words and formula. rigor: as its method says. growth: the function behind `radius`. proof:
+    what can be re-checked; None for learned bounds.
     """
 
     names: tuple[str, ...]

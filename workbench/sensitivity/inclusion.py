@@ -125,6 +125,30 @@ def lift(
     return _lift(function, graph_of(function), low, high, outward=outward)
 
 
+@final
+class FirstInvalid:
+    """Names the operation that makes `inclusion` of an SX function invalid on given boxes."""
+
+    __slots__ = ("_flags", "_names")
+
+    def __init__(self, function: ca.Function) -> None:
+        graph = graph_of(function)
+        lower = [_symbols(function, i, "lower") for i in range(function.n_in())]
+        upper = [_symbols(function, i, "upper") for i in range(function.n_in())]
+        flags: list[ca.SX] = []
+        _lift(function, graph, lower, upper, outward=True, flags=flags)
+        self._names = [None if node.element else node.name for node in graph.nodes]
+        self._flags = ca.Function("flags", _alternating(lower, upper), [ca.vertcat(*flags)])
+
+    def __call__(self, *ends: ca.DM) -> str | None:
+        """The first such operation; ends: the lower and upper end of every input in turn.
+
+        None where all are valid, where an input is not, or where only the outputs overflow.
+        """
+        flags = self._flags(*ends).full().ravel().tolist()
+        return next((n for n, flag in zip(self._names, flags, strict=True) if not flag), None)
+
+
 def _lift(
     function: ca.Function,
     graph: Graph,
@@ -132,6 +156,7 @@ def _lift(
     upper: Sequence[ca.SX],
     *,
     outward: bool,
+    flags: list[ca.SX] | None = None,
 ) -> Lifted:
     validity = Validity(outward=outward)
     inputs = [
@@ -148,6 +173,8 @@ def _lift(
             values.append(values[base].power(exponent))
         else:
             values.append(_value(node, graph, values, inputs, validity))
+        if flags is not None:
+            flags.append(validity.result())
     low_outputs, high_outputs = [], []
     for j, row in enumerate(graph.outputs):
         ends = [values[index].watched() for index in row]

@@ -30,6 +30,7 @@ from workbench.sensitivity.intervals import HIGHEST_POWER
 
 # A clip without lower limit; far below every driver and far from overflow in every product.
 _NO_FLOOR = ca.SX(-1e300)
+_NO_CEILING = ca.SX(0)
 
 
 @final
@@ -40,6 +41,8 @@ class SmoothForm:
     p (n_p + n_constants): the parameters followed by the graph's own constants, whose values are
     `constants`; field (n x 1) is smooth in its arguments; drivers (n_kinks x 1) are smooth, driver
     i in (x, p, w, kappa_0 .. kappa_{i-1}); floor, ceiling (n_kinks x 1) depend on p alone.
+    limited: which kinks are limits of the model: constants or parameters in fmin and fmax. Of two
+    moving operands none is known to be the limit of the other.
     """
 
     ode: Ode
@@ -50,6 +53,7 @@ class SmoothForm:
     drivers: ca.SX
     floor: ca.SX
     ceiling: ca.SX
+    limited: tuple[bool, ...]
 
     def parameter_values(self) -> list[float]:
         """Nominal values of `p`: the model's parameters, then the constants."""
@@ -77,8 +81,10 @@ def smooth_form(ode: Ode) -> SmoothForm:
     branchless = ode.branchless_field()
     literals = Literals() if branchless is None else branchless.literals
     inputs = [ode.x, ode.p, ode.w, *literals.symbols]
-    field = ode.field if branchless is None else ca.vertcat(*branchless.outputs[0])
-    builder = _Builder(inputs, literals)
+    field = ode.field
+    if branchless is not None:
+        field = ca.densify(ca.SX(field.sparsity(), ca.vertcat(*branchless.outputs[0])))
+    builder = _Builder(ode, inputs, literals, rewritten=branchless is not None)
     outputs = builder.run(ca.Function("field", inputs, [field]))
     return SmoothForm(
         ode=ode,
@@ -89,6 +95,7 @@ def smooth_form(ode: Ode) -> SmoothForm:
         drivers=_stacked(builder.drivers),
         floor=_stacked([low for low, _ in builder.limits]),
         ceiling=_stacked([high for _, high in builder.limits]),
+        limited=tuple(builder.limited),
     )
 
 
@@ -143,12 +150,20 @@ def _substitute(expression: ca.SX, symbols: ca.SX, values: list[ca.SX]) -> ca.SX
 class _Builder:
     """Rebuilds a Function's graph instruction by instruction."""
 
-    def __init__(self, inputs: list[ca.SX], literals: Literals) -> None:
+    def __init__(
+        self, ode: Ode, inputs: list[ca.SX], literals: Literals, *, rewritten: bool
+    ) -> None:
+        resting = {constant.name for constant in ode.constants}
+        self._resting = [
+            x for x, name in zip(ca.vertsplit(ode.x), ode.names, strict=True) if name in resting
+        ]
         self._inputs = inputs
         self._literals = literals
+        self._rewritten = rewritten
         self.kappa: list[ca.SX] = []
         self.drivers: list[ca.SX] = []
         self.limits: list[tuple[ca.SX, ca.SX]] = []
+        self.limited: list[bool] = []
 
     def run(self, function: ca.Function) -> ca.SX:
         graph = checked_graph(function, "the field")
@@ -170,14 +185,18 @@ class _Builder:
         operands = [values[index] for index in node.operands]
         if node.name == "fmin":
             clip = self._clip(node, graph, values, uses)
-            return operands[1] + self._kink(operands[0] - operands[1]) if clip is None else clip
+            if clip is not None:
+                return clip
+            moving, limit = self._limit_last(*operands)
+            return limit + self._kink(moving - limit, limited=self._is_limit(limit))
         if node.name == "fmax":
             # One half of a clip is left to the fmin that consumes it.
             if self._is_inner(len(values), graph, uses) and self._fixed(operands[1]):
                 return ca.SX.nan()
-            return operands[1] - self._kink(operands[1] - operands[0])
+            moving, limit = self._limit_last(*operands)
+            return limit - self._kink(limit - moving, limited=self._is_limit(limit))
         if node.name == "fabs":
-            return operands[0] - 2 * self._kink(operands[0])
+            return operands[0] - 2 * self._kink(operands[0], limited=False)
         if len(operands) == 1:
             return ca.SX.unary(node.operation, operands[0])
         if node.name in ("pow", "constpow"):
@@ -202,8 +221,8 @@ class _Builder:
             node.element is not None and node.element[0] not in (0, 2)
         )
 
-    def _fixed(self, value: ca.SX) -> bool:
-        symbols = (*ca.vertsplit(self._inputs[1]), *self._literals.symbols)
+    def _fixed(self, value: ca.SX, *more: ca.SX) -> bool:
+        symbols = (*ca.vertsplit(self._inputs[1]), *self._literals.symbols, *more)
         known = {symbol.element_hash() for symbol in symbols}
         return all(s.element_hash() in known for s in ca.symvar(value))
 
@@ -215,17 +234,31 @@ class _Builder:
         driver, floor = (values[index] for index in below.operands)
         if not self._fixed(floor):
             return None
-        return self._kink(driver, floor, values[limit])
+        return self._kink(driver, floor, values[limit], limited=True)
+
+    def _limit_last(self, first: ca.SX, second: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """The operands of a minimum or maximum, one that does not move behind one that does."""
+        resting = self._resting
+        swapped = self._fixed(first, *resting) and not self._fixed(second, *resting)
+        return (second, first) if swapped else (first, second)
+
+    def _is_limit(self, limit: ca.SX) -> bool:
+        # A correction of an if_else is the minimum of its condition and 0, whatever its branches.
+        return self._fixed(limit, *self._resting) and not (self._rewritten and limit.is_zero())
 
     def _kink(
-        self, driver: ca.SX, floor: ca.SX | None = None, ceiling: ca.SX | None = None
+        self,
+        driver: ca.SX,
+        floor: ca.SX = _NO_FLOOR,
+        ceiling: ca.SX = _NO_CEILING,
+        *,
+        limited: bool,
     ) -> ca.SX:
         symbol = ca.SX.sym(f"kappa_{len(self.kappa)}")
         self.kappa.append(symbol)
         self.drivers.append(driver)
-        self.limits.append(
-            (_NO_FLOOR if floor is None else floor, ca.SX(0) if ceiling is None else ceiling)
-        )
+        self.limits.append((floor, ceiling))
+        self.limited.append(limited)
         return symbol
 
 

@@ -23,8 +23,12 @@ _INSIDE = 1.0 - 1e-9
 @final
 @dataclass(frozen=True, slots=True)
 class Encounter:
-    """Where states are, the body there, and the people it has to keep clear of (see
-    `check_separation`)."""
+    """A question about people, as `check_separation` takes it.
+
+    ground: where states are; body: what the vehicle covers there; people: whom it has to keep clear
+    of, at time 0; clearance_required_m: how far. Raises InputError on a clearance that is negative
+    or not finite.
+    """
 
     ground: Ground
     body: VehicleBody

@@ -44,7 +44,10 @@ class Outcome(enum.Enum):
 @final
 @dataclass(frozen=True, slots=True)
 class FindingEffort:
-    """cells: most tubes to compute; search: for witnesses. Neither can make a finding wrong."""
+    """cells: most tubes to compute; search: for witnesses. Neither can make a finding wrong.
+
+    Raises InputError on cells < 1.
+    """
 
     cells: int
     search: SearchEffort
@@ -89,7 +92,8 @@ def explain_separation(
     the body than required. Else the initial set is halved, the worst cells first, until the tube of
     every cell is SAFE (see `check_separation`) or `effort` is used up; then a witness is sought
     once more from what is left. Rigor: see `Finding`; a path's curvature that the system takes as a
-    disturbance is free to vary, so a refutation then speaks of the system, not of one path.
+    disturbance is free to vary, so a refutation then speaks of the system, not of one path. Raises
+    InputError where the system lacks a state that the ground reads, or the set does not fit it.
     """
     ode = system.ode
     box = ordered_box(ode, initial_set, "initial set")

@@ -30,8 +30,9 @@ class SearchEffort:
     """How hard to search; it decides how tight the result is, never whether it is true.
 
     starts: random choices tried first, besides the vertices (at most `starts` of them) and the
-    centre; rounds: of gradient ascent and of coordinate search; every: gradients are aimed at every
-    so-manieth instant of the grid (every run serves all instants); seed: of the random choices.
+    centre; rounds: of gradient ascent and of coordinate search; every: gradients are aimed at one
+    in so many instants of the grid (each run serves all instants); seed: of the random choices.
+    Raises InputError on starts < 1, rounds < 0 or every < 1.
     """
 
     starts: int

@@ -49,7 +49,8 @@ class InnerHull:
     times (K+1) in s; lower_at, upper_at (K+1, n): a validated trajectory reaches at most lower_at,
     another at least upper_at. Where lower_at > upper_at nothing is proved (a single trajectory,
     whose enclosure has a width). witness (K+1, n, 2): which of `choices` reaches the lower and the
-    upper end. Only instants: nothing is said between them. status, message: as of a `ReachTube`.
+    upper end; ode: the equation they solve. Only instants: nothing is said between them. status,
+    message: as of a `ReachTube`.
     """
 
     times: Array

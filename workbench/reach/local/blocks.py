@@ -7,7 +7,7 @@ from typing import final
 
 from workbench.models.system import System
 from workbench.reach.local.along import LocalRun, require_step, run_along, tube_along
-from workbench.reach.local.quadratic import Effort, Forecast
+from workbench.reach.local.quadratic import Forecast, LocalEffort
 from workbench.reach.local.reference import Reference
 from workbench.reach.tube import ReachTube
 from workbench.sensitivity.block_choice import feedback_groups, named_blocks, separated
@@ -28,7 +28,7 @@ class LocalBlocks:
     """
 
     blocks: tuple[tuple[str, ...], ...] | None
-    effort: Effort
+    effort: LocalEffort
     step_s: float
 
     def __post_init__(self) -> None:

@@ -7,7 +7,7 @@ from typing import final
 
 from workbench.models.system import System
 from workbench.reach.local.along import LocalRun, require_step, run_along, tube_along
-from workbench.reach.local.quadratic import Effort, Forecast
+from workbench.reach.local.quadratic import Forecast, LocalEffort
 from workbench.reach.local.reference import Reference
 from workbench.reach.tube import ReachTube
 from workbench.sensitivity.block_choice import core_and_translations
@@ -29,7 +29,7 @@ class LocalMetric:
     Source: Fan, Kapinski, Jin and Mitra, EMSOFT 2016 (locally optimal metrics).
     """
 
-    effort: Effort
+    effort: LocalEffort
     step_s: float
 
     def __post_init__(self) -> None:

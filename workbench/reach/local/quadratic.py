@@ -27,7 +27,7 @@ _MOST_VERTICES = 14
 
 @final
 @dataclass(frozen=True, slots=True)
-class Effort:
+class LocalEffort:
     """How metrics are chosen and proved along a trajectory.
 
     vertices: hulls with at most this many uncertain entries in a block are covered by their
@@ -85,7 +85,7 @@ class Forecast:
         hulls = likely_hulls(reference, spread, _thinned(0, len(reference.tube.lower)))
         return cls(reference, spread, likely_units(spread), hulls)
 
-    def proposals(self, first: int, blocks: Blocks, effort: Effort) -> Proposals:
+    def proposals(self, first: int, blocks: Blocks, effort: LocalEffort) -> Proposals:
         """Metrics of blocks, or of parts of them, for the steps from `first` to the end."""
         tube, hulls = self.reference.tube, self.hulls
         if first:
@@ -97,7 +97,7 @@ class Forecast:
         return Proposals(hulls, scale=self.units, aim=aim)
 
     def bound(
-        self, blocks: Blocks, effort: Effort, first: Proposals | None = None
+        self, blocks: Blocks, effort: LocalEffort, first: Proposals | None = None
     ) -> QuadraticBound:
         """The bound with metrics proposed at evenly spaced steps; `first` is used at step 0."""
         steps = len(self.reference.tube.lower)
@@ -121,7 +121,7 @@ class QuadraticBound:
 
     blocks: Blocks
     plan: Mapping[int, tuple[Metric, ...]]
-    effort: Effort
+    effort: LocalEffort
     units: Array
     times: Array
 

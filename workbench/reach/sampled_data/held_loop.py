@@ -28,13 +28,12 @@ _INTEGRALS = ("offset_integral", "speed_integral")
 class Law:
     """What a sample does: image (n x 1) of the rows and of the symbols v = (noise, shift).
 
-    noise: known ranges, new at every sample; shift: by how much the rows `pose` have moved when
-    they are measured, one symbol each.
+    noise: known ranges, new at every sample; shift: by how much the loop's `pose_rows` have moved
+    when they are measured, one symbol each, none where a sample measures at a known instant.
     """
 
     ode: Ode
     noise: tuple[Ranged, ...]
-    pose: tuple[int, ...]
 
 
 @final
@@ -183,7 +182,7 @@ class HeldLoop:
             w=ca.SX(0, 1),
             field=ca.vertcat(*image, ca.SX.zeros(v.numel())),
         )
-        return Law(ode, tuple(noise), tuple(pose))
+        return Law(ode, tuple(noise))
 
     def _outputs(self) -> tuple[list[ca.SX], list[Ranged], list[ca.SX]]:
         """Both commands, both integrals' rates, and the disturbances they read, as symbols."""

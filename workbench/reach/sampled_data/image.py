@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from workbench.models.system import Ode
 from workbench.reach.validated.algebra import Algebra, Array
-from workbench.reach.validated.bounds import Range
-from workbench.reach.validated.lines import chebyshev_line
+from workbench.reach.validated.bounds import BatchInclusion, Range
+from workbench.reach.validated.lines import Lines
 from workbench.reach.validated.picard import NoEnclosureError
 from workbench.reach.validated.series import Series
 from workbench.reach.validated.sets import PolynomialSet
@@ -61,9 +61,9 @@ class SetMap:
         self._drivers = [
             Tape.of(ca.Function("driver", inputs, [lines.drivers[i]])) for i in range(self._kinks)
         ]
-        limits = ca.Function("limits", [form.p], [form.floor, form.ceiling])
         self._p = np.array(form.parameter_values())
-        self._limits = [np.array(each).ravel() for each in limits(self._p)]
+        self._limits = BatchInclusion.of([form.p], [form.floor, form.ceiling])
+        self._limited = form.limited
 
     def __call__(self, source: PolynomialSet, noise: Noise) -> Image:
         """Raises OutsideDomainError where g is not defined on the whole set, NoEnclosureError
@@ -75,15 +75,16 @@ class SetMap:
         batch, rows = source.coef.shape[:2]
         first = rows + self._noises
         extended = _extended(source, noise, self._kinks)
-        lines = np.zeros((2, batch, self._kinks))
-        decided = np.zeros((batch, self._kinks), dtype=np.int8)
+        lines = Lines.none(batch, self._limited)
+        point = np.broadcast_to(self._p, (batch, len(self._p)))
+        limits, bounded = self._limits([(point, point)])
+        if not np.all(bounded):
+            raise NoEnclosureError("the limits of a limited command could not be bounded")
         for i, tape in enumerate(self._drivers):
-            low, high = _driven(extended, self._run(tape, extended, lines, first).outputs[0][0])
-            floor, ceiling = (np.full(batch, end[i]) for end in self._limits)
-            lines[0, :, i], lines[1, :, i], gap = chebyshev_line(low, high, floor, ceiling)
-            inside, below, above = (low >= floor) & (high <= ceiling), high <= floor, low >= ceiling
-            decided[:, i] = np.select([inside, below, above], [2, -1, 1], 0)
-            extended = _with_radius(extended, first + i, gap)
+            driver = _driven(extended, self._run(tape, extended, lines, first).outputs[0][0])
+            floor, ceiling = ((end[0][:, i], end[1][:, i]) for end in limits)
+            lines.set(i, driver, np.zeros(batch), floor=floor, ceiling=ceiling)
+            extended = _with_radius(extended, first + i, lines.gap[:, i])
         found = self._run(self._image, extended, lines, first).outputs[0]
         coef = np.zeros(extended.coef.shape)
         radius = np.zeros(extended.coef.shape[:2])
@@ -94,9 +95,9 @@ class SetMap:
         low, high = end.hull()
         if not np.all(np.isfinite(low + high)):
             raise NoEnclosureError("the set left the range of numbers")
-        return Image(end, decided)
+        return Image(end, lines.decided)
 
-    def _run(self, tape: Tape, source: PolynomialSet, lines: Array, first: int) -> Running:
+    def _run(self, tape: Tape, source: PolynomialSet, lines: Lines, first: int) -> Running:
         """Order 0 of a tape on the rows of an extended set."""
         batch = source.batch
         rows = [_steady(source.algebra, column) for column in _rows(source)]
@@ -107,7 +108,7 @@ class SetMap:
 
         p = numbers(np.repeat(self._p[:, None], batch, axis=1))
         running = tape.start(
-            [rows[:first], p, [], numbers(lines[0].T), numbers(lines[1].T), rows[first:]]
+            [rows[:first], p, [], numbers(lines.slope.T), numbers(lines.offset.T), rows[first:]]
         )
         running.extend(0)
         return running

@@ -19,7 +19,7 @@ from workbench.reach.switching.set_rows import with_copies, with_sums
 from workbench.reach.tube import Array, TubeStatus
 from workbench.reach.validated.algebra import upward
 from workbench.reach.validated.bounds import Range
-from workbench.reach.validated.composition import OutsideDomainError
+from workbench.reach.validated.composition import BORDERED, OutsideDomainError
 from workbench.reach.validated.picard import NoEnclosureError, UndefinedFieldError
 from workbench.reach.validated.run import run
 from workbench.reach.validated.sets import PolynomialSet
@@ -164,7 +164,7 @@ class Marcher:
 
 def _ending(failure: Exception, time_s: float) -> tuple[TubeStatus, str]:
     where = f"at the sample at t = {time_s:.6g} s"
-    if isinstance(failure, OutsideDomainError):
+    if isinstance(failure, OutsideDomainError) and str(failure) in BORDERED:
         reason = f"the set reaches the border of the domain of {failure}"
         return TubeStatus.SINGULAR, f"{reason}, {where}"
     undefined = isinstance(failure, UndefinedFieldError)

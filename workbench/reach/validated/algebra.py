@@ -9,6 +9,7 @@ in any order and fused, since only the standard bound n u sum |terms| is used.
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 from typing import final
 
@@ -52,7 +53,7 @@ class Algebra:
 
     @classmethod
     def of(cls, *, deep: int, degree: int, shallow: int) -> Algebra:
-        """Build the tables of the products that are kept."""
+        """Build the tables of the products that are kept; see `size_of` for their size."""
         rows = [
             tuple(combination.count(v) for v in range(deep)) + (0,) * shallow
             for d in range(degree + 1)
@@ -83,14 +84,20 @@ class Algebra:
             np.array(squares, dtype=np.int64),
         )  # fmt: skip
 
+    @staticmethod
+    def size_of(*, deep: int, degree: int, shallow: int) -> int:
+        """Number of monomials, without building anything."""
+        return math.comb(deep + degree, degree) + shallow
+
     @property
     def size(self) -> int:
         """Number C of monomials."""
         return len(self.exponents)
 
-    def operations_fit(self, orders: int) -> bool:
-        """Whether the standard bounds above hold for series of that many coefficients."""
-        return (self.size + 8) * (orders + 2) < _MOST_OPERATIONS
+    @staticmethod
+    def operations_fit(size: int, orders: int) -> bool:
+        """Whether the standard bounds above hold for that many monomials and orders in time."""
+        return (size + 8) * (orders + 2) < _MOST_OPERATIONS
 
     def class_norms(self, coefficients: Array) -> Array:
         """Sums of |c| by class, (..., degree + 3), up to 2^-36 of their value.

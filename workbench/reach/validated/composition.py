@@ -15,10 +15,17 @@ import casadi as ca
 import numpy as np
 
 from workbench.reach.validated.algebra import UNIT, Algebra, Array, upward
+from workbench.reach.validated.picard import NoEnclosureError
 from workbench.reach.validated.series import Series, convolution
 from workbench.sensitivity.inclusion import inclusion
 
 NUMBERS = Algebra.of(deep=0, degree=0, shallow=0)
+
+
+# Operations with a pole or a border of their domain; all others are defined everywhere.
+BORDERED = frozenset({
+    "div", "inv", "sqrt", "log", "tan", "asin", "acos", "atan2", "pow", "constpow"
+})  # fmt: skip
 
 
 class OutsideDomainError(Exception):
@@ -116,6 +123,8 @@ def interval_of(
     name: str, lower: Array, upper: Array, exponent: float | None = None
 ) -> tuple[Array, Array]:
     """Bounds (B,) of a one-argument operation over [lower, upper] (B,)."""
+    if not np.all(np.isfinite(lower) & np.isfinite(upper)):
+        raise NoEnclosureError("the set left the range of numbers")
     values = np.array(_inclusion(name, exponent, len(lower))(lower[None, :], upper[None, :]))
     values = values.reshape(3, -1)
     if not np.all(values[2] == 1.0):

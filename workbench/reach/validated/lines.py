@@ -17,7 +17,8 @@ from workbench.reach.validated.bounds import Range
 class Lines:
     """clip(d) in slope d + offset +- gap for every kink, arrays (B, n_kinks).
 
-    decided: -1 at the floor, 1 at the ceiling, 2 not beyond either, 0 undecided; all of the step.
+    decided: -1 at the floor, 1 at the ceiling, 2 not beyond either, 3 the same of a kink that is
+    no limit of the model, 0 undecided; all of the step. limited: which kinks are such limits.
     motion: by how much the driver's range grows within the step, as a share of the range; 0 where
     decided.
     """
@@ -27,13 +28,14 @@ class Lines:
     gap: Array
     decided: npt.NDArray[np.int8]
     motion: Array
+    limited: tuple[bool, ...]
 
     @classmethod
-    def none(cls, batch: int, count: int) -> Lines:
+    def none(cls, batch: int, limited: tuple[bool, ...]) -> Lines:
         """All zero, to be filled."""
-        blank = np.zeros((batch, count))
-        decided = np.zeros((batch, count), dtype=np.int8)
-        return cls(blank, blank.copy(), blank.copy(), decided, blank.copy())
+        blank = np.zeros((batch, len(limited)))
+        decided = np.zeros(blank.shape, dtype=np.int8)
+        return cls(blank, blank.copy(), blank.copy(), decided, blank.copy(), limited)
 
     def set(self, i: int, driver: Range, moved: Array, *, floor: Range, ceiling: Range) -> None:
         """Choose the line of kink i for a driver in the range (B,); `moved`: part of its width.
@@ -49,7 +51,7 @@ class Lines:
             self.gap[:, i] += np.where(limit[1] > limit[0], upward(limit[1] - limit[0]), 0.0)
         self.decided[:, i] = np.select(
             [(low >= floor[1]) & (high <= ceiling[0]), high <= floor[0], low >= ceiling[1]],
-            [2, -1, 1],
+            [2 if self.limited[i] else 3, -1, 1],
             0,
         )
         width = high - low
@@ -60,12 +62,13 @@ class Lines:
 def chebyshev_line(
     low: Array, high: Array, floor: Array, ceiling: Array
 ) -> tuple[Array, Array, Array]:
-    """Slope, offset and gap of the best line through clip(d, floor, ceiling) for low <= d <= high.
+    """Slope, offset and gap of the best line through min(max(d, floor), ceiling), low <= d <= high.
 
     For a slope in [0, 1] the deviation clip(d) - slope d is extreme at the range's ends and at the
     knees inside it; its half range, convex and piecewise linear in the slope, is least where two of
     these values meet: the two secants tried here. Any slope is sound; the gap covers rounding.
     """
+    floor = np.minimum(floor, ceiling)
     knees = np.clip(floor, low, high), np.clip(ceiling, low, high)
     best = np.full_like(low, np.inf)
     slope, offset, gap = np.zeros_like(low), np.zeros_like(low), best

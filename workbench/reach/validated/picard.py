@@ -23,7 +23,11 @@ class NoEnclosureError(Exception):
 
 
 class UndefinedFieldError(NoEnclosureError):
-    """The field has a pole or ends its domain in what the set sweeps."""
+    """The field has no bounds over `box`, what the set sweeps."""
+
+    def __init__(self, box: Range) -> None:
+        super().__init__("the field could not be bounded over the enclosure of the step")
+        self.box = box
 
 
 def enclosure(start: Range, field: FieldRange, h: float) -> tuple[Range, Range]:
@@ -32,15 +36,15 @@ def enclosure(start: Range, field: FieldRange, h: float) -> tuple[Range, Range]:
     start (B, n) contains the states at the beginning; every solution, also of the inclusion with
     arbitrary inputs in the field's range, stays in C up to h (Picard-Lindeloef, Nedialkov, Jackson,
     Corliss, Applied Mathematics and Computation 105, 1999). Raises NoEnclosureError, and
-    UndefinedFieldError where the field is undefined in a moderate box.
+    UndefinedFieldError where the field has no bounds over a moderate box.
     """
     box = start
     for trial in range(_TRIALS):
         rates, valid = field(box)
         if not np.all(valid):
-            reason = "the field is not defined everywhere in the enclosure of the step"
-            moderate = max(np.max(np.abs(box[0])), np.max(np.abs(box[1]))) < _LARGEST_STATE
-            raise (UndefinedFieldError if moderate else NoEnclosureError)(reason)
+            if max(np.max(np.abs(box[0])), np.max(np.abs(box[1]))) < _LARGEST_STATE:
+                raise UndefinedFieldError(box)
+            raise NoEnclosureError("the set left the range of numbers")
         reached = _swept(start, rates, h)
         if trial and np.all((reached[0] >= box[0]) & (reached[1] <= box[1])):
             return reached, rates

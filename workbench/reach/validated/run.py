@@ -14,7 +14,7 @@ from workbench.errors import InputError
 from workbench.reach.tube import TubeStatus
 from workbench.reach.validated.algebra import Array
 from workbench.reach.validated.composition import OutsideDomainError
-from workbench.reach.validated.picard import NoEnclosureError, UndefinedFieldError
+from workbench.reach.validated.picard import NoEnclosureError
 from workbench.reach.validated.sets import PolynomialSet
 from workbench.reach.validated.step import Stepper, StepResult
 from workbench.runtime.floats import float_mode_fault
@@ -28,6 +28,8 @@ _ORDERS = (4, 16)
 _MOTION_SHARE = 0.03
 _FINEST_FOR_MOTION = 2**9
 _UNITS = 2**12
+# An interval whose dyadic parts are normal doubles, in s.
+_SHORTEST = 2.0**-1000
 # Steps in one grid interval: a proof that needs more is going wrong.
 _MOST_STEPS = 2**9
 
@@ -62,11 +64,12 @@ def run(
     """Advance over the grid `times_s` (s); ends early where a step fails or `inside` is false.
 
     Differences of neighbouring grid times must be doubles, as they are (Sterbenz) where none but
-    the first time is more than twice the one before; steps are dyadic parts of them, so that the
-    sets hold at exactly these times. Raises InputError on other grids.
+    the first time is more than twice the one before; steps are dyadic parts of them, normal doubles
+    too, so that the sets hold at exactly these times. Raises InputError on other grids.
     """
     for before, after in itertools.pairwise(map(float, times_s)):
-        if Fraction(after) - Fraction(before) != Fraction(after - before) or not before < after:
+        exact = Fraction(after) - Fraction(before) == Fraction(after - before)
+        if not (exact and after - before >= _SHORTEST):
             raise InputError(
                 f"expected rising times with exact differences, got {before!r} and {after!r}"
             )
@@ -169,8 +172,6 @@ def _adapt(pace: _Pace, result: StepResult) -> None:
 def _ending(failure: Exception) -> tuple[TubeStatus, str]:
     if isinstance(failure, OutsideDomainError):
         return TubeStatus.SINGULAR, f"the set reaches the border of the domain of {failure}"
-    if isinstance(failure, UndefinedFieldError):
-        return TubeStatus.SINGULAR, str(failure)
     return TubeStatus.ENCLOSURE_FAILED, str(failure)
 
 

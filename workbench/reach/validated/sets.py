@@ -39,12 +39,14 @@ class PolynomialSet:
             lower == upper, 0.0, np.nextafter(np.maximum(upper - center, center - lower), np.inf)
         )
         wide = np.flatnonzero(radius.max(axis=0) > 0.0)
-        algebra = Algebra.of(deep=len(wide), degree=degree if len(wide) else 1, shallow=n)
-        if not algebra.operations_fit(LONGEST_SERIES):
+        degree = degree if len(wide) else 1
+        size = Algebra.size_of(deep=len(wide), degree=degree, shallow=n)
+        if not Algebra.operations_fit(size, LONGEST_SERIES):
             raise InputError(
-                f"expected fewer terms than {algebra.size}: {len(wide)} uncertain axes with degree "
+                f"expected fewer terms than {size}: {len(wide)} uncertain axes with degree "
                 f"{degree}; use a lower degree"
             )
+        algebra = Algebra.of(deep=len(wide), degree=degree, shallow=n)
         coef = np.zeros((batch, n, algebra.size))
         coef[:, :, 0] = center
         for v, axis in enumerate(wide):

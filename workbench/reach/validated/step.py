@@ -12,12 +12,18 @@ import numpy.typing as npt
 from workbench.models.system import Ode
 from workbench.reach.validated.algebra import UNIT, Algebra, Array, upward
 from workbench.reach.validated.bounds import Range, StepBounds, step_bounds
+from workbench.reach.validated.composition import BORDERED, OutsideDomainError
 from workbench.reach.validated.forcing import Forced, forced
 from workbench.reach.validated.lines import Lines
-from workbench.reach.validated.picard import NoEnclosureError, enclosure
+from workbench.reach.validated.picard import (
+    NoEnclosureError,
+    UndefinedFieldError,
+    enclosure,
+)
 from workbench.reach.validated.series import Series
 from workbench.reach.validated.sets import PolynomialSet
 from workbench.reach.validated.tape import Tape
+from workbench.sensitivity.inclusion import FirstInvalid
 
 # A kink without a floor has one at -1e300 (`kinks`); drivers must stay away from it.
 _LARGEST_DRIVER = 1e299
@@ -60,6 +66,7 @@ class Stepper:
         self._w_radius = upward(np.maximum(upper - self._w, self._w - lower))
         self._w_ends = lower, upper
         self.ode = ode
+        self._first_invalid: FirstInvalid | None = None
 
     @property
     def kink_count(self) -> int:
@@ -72,7 +79,16 @@ class Stepper:
         Raises NoEnclosureError or OutsideDomainError; a shorter step may then succeed.
         """
         with np.errstate(all="ignore"):
-            return self._step(start, h, order)
+            try:
+                return self._step(start, h, order)
+            except UndefinedFieldError as failure:
+                name = self._unbounded(failure.box)
+                reason = str(failure) if name is None else f"{name!r} could not be bounded"
+            except OutsideDomainError as failure:
+                name, reason = str(failure), f"{str(failure)!r} could not be bounded"
+            if name in BORDERED:
+                raise OutsideDomainError(name)
+            raise NoEnclosureError(reason)
 
     def _step(self, start: PolynomialSet, h: float, order: int) -> StepResult:
         batch = start.batch
@@ -103,9 +119,9 @@ class Stepper:
 
     def _relaxed(self, start: PolynomialSet, hull: Range, h: float) -> Lines:
         """The line of every kink, from the range of its driver over the step."""
-        batch, count = start.batch, len(self._drivers)
-        lines = Lines.none(batch, count)
-        if not count:
+        batch = start.batch
+        lines = Lines.none(batch, self.bounds.form.limited)
+        if not self._drivers:
             return lines
         box, rates = enclosure(hull, self._true_field, h)
         limits, bounded = self.bounds.limits([_repeated(self._p, self._p, batch)])
@@ -142,6 +158,17 @@ class Stepper:
             [box, _repeated(p, p, batch), _repeated(*self._w_ends, batch)]
         )
         return found[0], valid
+
+    def _unbounded(self, box: Range) -> str | None:
+        """The operation of the field that has no bounds over the boxes."""
+        if self._first_invalid is None:
+            self._first_invalid = FirstInvalid(self.ode.function())
+        p = self._p[: self.ode.p.numel()]
+        for low, high in zip(*box, strict=True):
+            name = self._first_invalid(low, high, p, p, *self._w_ends)
+            if name is not None:
+                return name
+        return None
 
     def _relaxed_field(self, box: Range, lines: Lines) -> tuple[Range, Array]:
         found, valid = self.bounds.relaxed(self._ranges(box, lines))

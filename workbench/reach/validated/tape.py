@@ -27,10 +27,10 @@ from workbench.reach.validated.operations import (
 )
 from workbench.reach.validated.primitive import primitive
 from workbench.reach.validated.series import Series
+from workbench.sensitivity.intervals import HIGHEST_POWER
 
 _PRIMITIVES = frozenset({"log", "atan", "asin", "acos"})
 _PAIRS = {"sin": (False, False), "cos": (False, True), "sinh": (True, False), "cosh": (True, True)}
-HIGHEST_POWER = 64
 
 
 @final

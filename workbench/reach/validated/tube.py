@@ -20,6 +20,8 @@ from workbench.reach.validated.sets import PolynomialSet
 from workbench.reach.validated.step import Stepper
 from workbench.sets import Box
 
+_MOST_ROWS = 10**6
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -61,6 +63,8 @@ class ValidatedTube:
         self, system: System, *, initial_sets: Sequence[Box], horizon_s: float
     ) -> tuple[ReachTube, ...]:
         """One tube for each initial set, run together; all end where the first proof ends."""
+        if not initial_sets:
+            raise InputError("expected at least one initial set, got none")
         original = system.ode
         unknown = set(self.region.names if self.region else ()) - set(original.names)
         if unknown:
@@ -91,6 +95,11 @@ def time_grid(horizon_s: float, step_s: float) -> Array:
     """0, step, 2 step, ... and the horizon, in s."""
     if not (math.isfinite(horizon_s) and horizon_s > 0.0):
         raise InputError(f"expected a positive horizon_s in s, got {horizon_s!r}")
+    if not horizon_s / step_s <= _MOST_ROWS:
+        raise InputError(
+            f"expected at most {_MOST_ROWS} steps, got a horizon_s of {horizon_s!r} in steps of "
+            f"{step_s!r} s; use a longer step_s"
+        )
     count = max(1, math.ceil(horizon_s / step_s - 1e-9))
     # A last step longer than the first would not be an exact difference.
     if count == 2 and horizon_s > 2.0 * step_s:
