@@ -1,6 +1,6 @@
 """None of the trajectories of the long campaigns leaves its tube.
 
-100,000 of each of four benchmark loops within 3, 4 or 5 s, from both tubes that are compared; a
+100,000 of each of four benchmark loops within 3, 4 or 5 s, from every tube that is compared; a
 million of 200 random loops from the validated tube.
 """
 
@@ -21,7 +21,7 @@ def test_no_trajectory_escapes(name: str) -> None:
     plan = SamplePlan(count=100_000, horizon_s=5.0, step_s=SAMPLE_STEP_S, seed=2024)
     (loop,) = bench_loops((name,))
     methods = score_loop(loop, plan, advance=lambda _: None)
-    assert [method.method for method in methods] == ["desk", "compiled"]
+    assert {method.method for method in methods} > {"validated", "sensitivity", "compiled"}
     for method in methods:
         assert [horizon.horizon_s for horizon in method.horizons] == [3.0, 4.0, 5.0]
         for horizon in method.horizons:
