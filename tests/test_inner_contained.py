@@ -21,9 +21,9 @@ from workbench.models import Ranged
 from workbench.models.benchmarks import Benchmark, b1, b2, b2_noise
 from workbench.reach import ReachTube, TubeStatus, ValidatedTube, compute_tube
 from workbench.reach.inner.choice_flow import ChoiceFlow
+from workbench.reach.inner.choices import Choices
 from workbench.reach.inner.extremes import Admissible, SearchEffort
 from workbench.reach.inner.hull import InnerHull, inner_hull, proved_ratio
-from workbench.reach.inner.open_inputs import Choices
 from workbench.reach.inner.point_runs import validated_runs
 from workbench.sensitivity.sampling import rollout, sample_initial_states
 from workbench.sets import Box

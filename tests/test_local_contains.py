@@ -59,7 +59,8 @@ def test_the_runs_of_a_loop_stay_in_the_tube(loop: str, method: str) -> None:
 @given(closed_loops(limited=True), vehicle_sets(points=True))
 def test_the_runs_of_any_loop_stay_in_the_tube(loop: ClosedLoop, initial_set: Box) -> None:
     reference = Reference.of(loop, initial_set=initial_set, horizon_s=0.6, step_s=0.1)
-    times, runs = switching_runs(loop, initial_set, reference.tube, count=100)
+    # Tubes of single states are as thin as rounding, so the runs must be better than the allowance.
+    times, runs = switching_runs(loop, initial_set, reference.tube, count=100, per_step=20)
     for method in (LocalGrowth(0.1), LocalLagrangian(0.1)):
         assert_contains(method.along(reference).tube, times, runs)
 

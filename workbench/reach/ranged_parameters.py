@@ -1,5 +1,5 @@
-"""Unknown constants as states with zero derivative, which keeps their correlation with the
-state."""
+"""Unknown constants, and held disturbances, as states with zero derivative, which keeps their
+correlation with the state."""
 
 from __future__ import annotations
 
@@ -35,6 +35,28 @@ def with_ranged_parameters_as_states(ode: Ode) -> Ode:
         field=ca.vertcat(ode.field, ca.SX.zeros(len(ranged))),
         outputs=ode.outputs,
         constants=(*ode.constants, *(ode.parameters[i] for i in ranged)),
+    )
+
+
+def with_inputs_as_states(ode: Ode) -> Ode:
+    """Append every parameter with lower < upper and every disturbance to the states (x' = 0).
+
+    With the appended states held at numbers this is the equation of one choice of them.
+    """
+    held = with_ranged_parameters_as_states(ode)
+    if not held.disturbances:
+        return held
+    return Ode(
+        name=held.name,
+        states=(*held.states, *(Signal(w.name, w.unit) for w in held.disturbances)),
+        parameters=held.parameters,
+        disturbances=(),
+        x=ca.vertcat(held.x, held.w),
+        p=held.p,
+        w=ca.SX(0, 1),
+        field=ca.vertcat(held.field, ca.SX.zeros(len(held.disturbances))),
+        outputs=held.outputs,
+        constants=(*held.constants, *held.disturbances),
     )
 
 

@@ -18,8 +18,8 @@ from workbench.models.system import Ode, System
 from workbench.reach.findings.encounter import Encounter
 from workbench.reach.findings.refutation import SeparationWitness, refutation
 from workbench.reach.inner.choice_flow import ChoiceFlow
+from workbench.reach.inner.choices import Choices
 from workbench.reach.inner.extremes import Admissible, SearchEffort
-from workbench.reach.inner.open_inputs import Choices
 from workbench.reach.separation import Separation, check_separation
 from workbench.reach.tube import Array, ReachTube
 from workbench.reach.validated.tube import ValidatedTube, time_grid

@@ -11,9 +11,9 @@ import numpy as np
 
 from workbench.reach.findings.encounter import Encounter, distance_from_body, gap, in_disc
 from workbench.reach.inner.choice_flow import ChoiceFlow
+from workbench.reach.inner.choices import Choices, joined
 from workbench.reach.inner.extremes import Admissible, Best, SearchEffort, aimed_instants, climb
 from workbench.reach.inner.hull import Witness, witness_of_choice
-from workbench.reach.inner.open_inputs import Choices, joined
 from workbench.reach.inner.point_runs import PointRuns, validated_runs
 from workbench.reach.tube import Array
 from workbench.sets import Box

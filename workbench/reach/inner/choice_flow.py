@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 
 from workbench.models.system import Ode
-from workbench.reach.inner.open_inputs import Choices, with_inputs_as_states
+from workbench.reach.inner.choices import Choices
+from workbench.reach.ranged_parameters import with_inputs_as_states
 from workbench.reach.tube import Array
 from workbench.sensitivity.vectorised import Index, Vectorised
 

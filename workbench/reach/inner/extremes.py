@@ -12,7 +12,7 @@ from workbench.errors import InputError
 from workbench.models.signals import Ranged
 from workbench.models.system import Ode
 from workbench.reach.inner.choice_flow import ChoiceFlow
-from workbench.reach.inner.open_inputs import Choices, joined
+from workbench.reach.inner.choices import Choices, joined
 from workbench.reach.tube import Array
 from workbench.sensitivity.sampling import face_states, uniform_states, vertex_states
 from workbench.sensitivity.vectorised import Index

@@ -10,8 +10,8 @@ import numpy as np
 from workbench.claims import Rigor
 from workbench.models.system import Ode, System
 from workbench.reach.inner.choice_flow import ChoiceFlow
+from workbench.reach.inner.choices import Choices
 from workbench.reach.inner.extremes import Admissible, SearchEffort, extreme_choices
-from workbench.reach.inner.open_inputs import Choices
 from workbench.reach.inner.point_runs import PointRuns, validated_runs
 from workbench.reach.tube import Array, ReachTube, TubeStatus
 from workbench.reach.validated.tube import time_grid

@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from workbench.errors import InputError
 from workbench.models.system import Ode
-from workbench.reach.inner.open_inputs import Choices, with_inputs_as_states
+from workbench.reach.inner.choices import Choices
+from workbench.reach.ranged_parameters import with_inputs_as_states
 from workbench.reach.tube import Array, TubeStatus
 from workbench.reach.validated.algebra import upward
 from workbench.reach.validated.composition import OutsideDomainError

@@ -6,12 +6,14 @@ import functools
 from dataclasses import dataclass
 from typing import final
 
-import casadi as ca
 import numpy as np
 
-from workbench.models.signals import Signal
 from workbench.models.system import Ode, System
-from workbench.reach.ranged_parameters import initial_box, with_ranged_parameters_as_states
+from workbench.reach.ranged_parameters import (
+    initial_box,
+    with_inputs_as_states,
+    with_ranged_parameters_as_states,
+)
 from workbench.reach.tube import Array, ReachTube
 from workbench.reach.validated.bounds import BatchInclusion, Range
 from workbench.reach.validated.tube import ValidatedTube
@@ -84,23 +86,7 @@ class Seen:
 @functools.lru_cache(maxsize=16)
 def seen_of(original: Ode) -> Seen:
     """What depends on the system alone."""
-    ode = _with_disturbances_as_states(with_ranged_parameters_as_states(original))
+    # At every instant the field sees values of the disturbances in their ranges, and the bounds use
+    # nothing else of them.
+    ode = with_inputs_as_states(original)
     return Seen(ode, BatchInclusion.of([ode.x, ode.p], [ode.field]), IntervalJacobian(ode))
-
-
-def _with_disturbances_as_states(ode: Ode) -> Ode:
-    """At every instant the field sees values of w in their range; nothing else is used of w."""
-    if not ode.disturbances:
-        return ode
-    return Ode(
-        name=ode.name,
-        states=(*ode.states, *(Signal(w.name, w.unit) for w in ode.disturbances)),
-        parameters=ode.parameters,
-        disturbances=(),
-        x=ca.vertcat(ode.x, ode.w),
-        p=ode.p,
-        w=ca.SX(0, 1),
-        field=ca.vertcat(ode.field, ca.SX.zeros(len(ode.disturbances))),
-        outputs=ode.outputs,
-        constants=(*ode.constants, *ode.disturbances),
-    )

@@ -1,16 +1,12 @@
-"""One choice of everything a trajectory depends on, and the equation that takes it as its state."""
+"""One choice of everything a trajectory depends on."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import final
 
-import casadi as ca
 import numpy as np
 
-from workbench.models.signals import Signal
-from workbench.models.system import Ode
-from workbench.reach.ranged_parameters import with_ranged_parameters_as_states
 from workbench.reach.tube import Array
 from workbench.sensitivity.vectorised import Index
 
@@ -59,25 +55,4 @@ def joined(parts: list[Choices]) -> Choices:
         np.concatenate([part.states for part in parts]),
         np.concatenate([part.constants for part in parts]),
         np.concatenate([part.signals for part in parts]),
-    )
-
-
-def with_inputs_as_states(ode: Ode) -> Ode:
-    """Append every parameter with lower < upper and every disturbance to the states (x' = 0).
-
-    With the appended states held at numbers this is the equation of one choice.
-    """
-    held = with_ranged_parameters_as_states(ode)
-    if not held.disturbances:
-        return held
-    return Ode(
-        name=held.name,
-        states=(*held.states, *(Signal(w.name, w.unit) for w in held.disturbances)),
-        parameters=held.parameters,
-        disturbances=(),
-        x=ca.vertcat(held.x, held.w),
-        p=held.p,
-        w=ca.SX(0, 1),
-        field=ca.vertcat(held.field, ca.SX.zeros(len(held.disturbances))),
-        constants=(*held.constants, *held.disturbances),
     )
