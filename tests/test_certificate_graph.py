@@ -8,7 +8,7 @@ import json
 import casadi as ca
 import numpy as np
 from certificate_cases import rates
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from workbench.checker.arithmetic import Interval
@@ -31,12 +31,23 @@ def every_operation() -> tuple[Ode, CertifiedModel, FieldBounds]:
     return ode, model, FieldBounds(model)
 
 
+@functools.cache
+def derivative() -> ca.Function:
+    """(x, direction) -> directional derivative of the model's field, by CasADi."""
+    ode, _, _ = every_operation()
+    direction = ca.SX.sym("direction", 2)
+    return ca.Function("slope", [ode.x, direction], [ca.jtimes(ode.field, ode.x, direction)])
+
+
 def checker_graph(model: CertifiedModel) -> Graph:
     parts = json.loads(json.dumps(model.document()), parse_int=float)
     return Graph(parts["nodes"], parts["field"], len(model.states), len(model.inputs))
 
 
 @settings(deadline=None)  # the first call makes the functions
+@example(0.20000000000000004, 0.2, 0.0, 0.0)
+@example(0.2, 0.20000000000000004, 0.0, 0.0)
+@example(-0.5, 0.5, 1.0, 0.01)
 @given(
     st.floats(-2.0, 2.0), st.floats(0.2, 2.0), st.floats(-1.0, 1.0), st.sampled_from([0.0, 0.01])
 )
@@ -50,7 +61,11 @@ def test_values_and_derivatives_are_held(a: float, b: float, s: float, radius: f
     ahead, behind = (
         np.array(field(point + k * step * direction, [], [])).ravel() for k in (1.0, -1.0)
     )
-    slope = (ahead - behind) / (2 * step)
+    slope = np.array(derivative()(point, direction)).ravel()
+    near_a_kink = min(abs(a - b), abs(a + b)) < 1e-4
+    # A quotient across a kink mixes both of its sides.
+    if not near_a_kink:
+        assert np.allclose((ahead - behind) / (2 * step), slope, rtol=1e-6, atol=1e-6)
 
     ranges = tuple(np.array(side) for side in zip(*model.ranges, strict=True))
     box = point - radius, point + radius
@@ -63,7 +78,6 @@ def test_values_and_derivatives_are_held(a: float, b: float, s: float, radius: f
         np.array([[x.low, x.high] for x in (values[k] for k in graph.field)]).T,
         np.array([[x.low, x.high] for x in graph.tangent(values, change)]).T,
     ]
-    near_a_kink = min(abs(a - b), abs(a + b)) < 1e-4
     for pair, truth in zip(found, (exact, slope, exact, slope), strict=True):
         assert pair is not None
         room = 1e-6 * (1.0 + np.abs(truth))
