@@ -1,21 +1,34 @@
-"""Whether a tube keeps clear of people: the ground the car covers against their discs."""
+"""Whether a tube keeps clear of people: the ground the car covers against their tubes."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Protocol, final
 
 import numpy as np
 
 from workbench.claims import Rigor, Verdict, weakest
 from workbench.errors import InputError
-from workbench.reach.occupancy import clearance_function, occupancy_function
+from workbench.reach.occupancy import occupancy_function
+from workbench.reach.person_clearance import Cause, Nearest, nearest_people
 from workbench.reach.tube import Array, ReachTube
 from workbench.runtime.contents import VehicleBody
 from workbench.runtime.observation import Person
 from workbench.runtime.path import PathTable
+from workbench.runtime.person_tubes import (
+    FOREVER_S,
+    KIND_NUMBERS,
+    TrackedPerson,
+    TubeKind,
+    fault_in_people,
+    tracked,
+)
+
+_OCCUPANCY = cache(occupancy_function)
 
 
 class Ground(Protocol):
@@ -133,14 +146,41 @@ class PathGround:
 
 @final
 @dataclass(frozen=True, slots=True)
+class Comparison:
+    """Which tubes of the people count, and on which clock they run.
+
+    kinds: everybody is compared by all their tubes of each of these kinds, and is never clear
+    without one; None: by every tube they have. skew_s: least and largest reading of the people's
+    clock when the car's shows 0; one constant in between, unknown.
+    """
+
+    kinds: frozenset[TubeKind] | None
+    skew_s: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        low, high = self.skew_s
+        if not (-FOREVER_S <= low <= high <= FOREVER_S) or self.kinds == frozenset():
+            raise InputError(
+                f"expected at least one kind (or None) and skew_s in order within +-{FOREVER_S:g}, "
+                f"got {self.kinds!r} and {self.skew_s!r}"
+            )
+
+
+EVERY_TUBE = Comparison(None, (0.0, 0.0))
+"""All tubes of everybody, on the car's own clock."""
+
+
+@final
+@dataclass(frozen=True, slots=True)
 class Separation:
     """verdict: SAFE when every proved clearance reaches what was required, INVALID when the tube is
     not complete, UNPROVED otherwise.
 
-    clearance_m: smallest proved clearance, inf with nobody; time_s: start of its segment;
-    person: who; occupancy (K x 5): one rectangle per segment that contains the body: centre x, y
-    (m), heading (rad), half length, half width (m), NaN where none was found; rigor: the weaker one
-    of the tube's and the ground's.
+    clearance_m: smallest proved clearance, inf with nobody, -inf where none was found; time_s:
+    start of its segment; person: who; occupancy (K x 5): one rectangle per segment that contains
+    the body: centre x, y (m), heading (rad), half length, half width (m), NaN where none was found;
+    rigor: the weaker one of the tube's and the ground's; tube: index of the person's tube that gave
+    it; by_kind: the same per kind of tube, see `Nearest`.
     """
 
     verdict: Verdict
@@ -149,6 +189,8 @@ class Separation:
     person: str | None
     occupancy: Array
     rigor: Rigor
+    tube: int | None
+    by_kind: dict[TubeKind, Nearest]
 
 
 def check_separation(
@@ -156,43 +198,68 @@ def check_separation(
     *,
     ground: Ground,
     body: VehicleBody,
-    people: Sequence[Person],
+    people: Sequence[Person | TrackedPerson],
     clearance_required_m: float,
+    comparison: Comparison = EVERY_TUBE,
 ) -> Separation:
-    """Compare the swept body with everybody's discs, segment by segment in time.
+    """Compare the swept body with everybody's tubes, segment by segment in time.
 
-    tube: over the states that `ground` reads; people: discs that grow along straight lines, at the
-    tube's time 0. Conservative: the body's rectangle is taken over the whole segment box, a
-    person's disc over the whole segment. A tube that is not complete gives INVALID. Rigor: the
-    weaker one of the tube's and the ground's. Raises InputError on a clearance that is negative or
-    not finite, and where the tube leaves the ground's path table.
+    tube: over the states that `ground` reads; people: their tubes' times are the tube's own, up to
+    the skew of `comparison`; a `Person` counts as one tube without an end (`tracked`).
+    Conservative: the body's rectangle is taken over the whole segment box, a person's disc over the
+    whole segment, skew included (`nearest_people`). A tube that is not complete gives INVALID.
+    Rigor: the weaker one of the tube's and the ground's. Raises InputError on a clearance that is
+    negative or not finite, on people with a fault, and where the tube leaves the path table.
     """
     if not (math.isfinite(clearance_required_m) and clearance_required_m >= 0):
         raise InputError(
             f"expected a finite clearance_required_m >= 0, got {clearance_required_m!r}"
         )
+    crowd = [tracked(each) if isinstance(each, Person) else each for each in people]
+    fault = fault_in_people(crowd)
+    if fault is not None:
+        raise InputError(f"{fault}; mend the tubes, or ask about fewer people at once")
     occupancy = covered_ground(tube, ground=ground, body=body)
-    measure = clearance_function()
-    smallest, when, who = math.inf, None, None
-    for k, rectangle in enumerate(occupancy):
-        for person in people:
-            value, ok = measure(rectangle, person.numbers, tube.times[k], tube.times[k + 1])
-            clearance = float(value) if float(ok) == 1.0 else -math.inf
-            # Written so that a NaN counts as the smallest.
-            if not clearance >= smallest:
-                smallest, when, who = clearance, float(tube.times[k]), person.name
+    by_kind = _by_kind(crowd, tube.times, occupancy, comparison)
+    asked = [found for found in by_kind.values() if found.cause is not Cause.NOT_ASKED]
+    least = min(asked, key=lambda found: found.clearance_m, default=None)
+    smallest, when, who, which = math.inf, None, None, None
+    if least is not None and least.person is not None:
+        smallest = least.clearance_m if least.cause is Cause.PROVED else -math.inf
+        when, who, which = least.time_s, crowd[least.person].name, least.tube
     safe = bool(np.all(np.isfinite(occupancy))) and smallest >= clearance_required_m
     verdict = Verdict.SAFE if safe else Verdict.UNPROVED
     return Separation(
         verdict if tube.complete else Verdict.INVALID, smallest, when, who, occupancy,
-        weakest(tube.rigor, ground.rigor),
+        weakest(tube.rigor, ground.rigor), which, by_kind,
     )  # fmt: skip
+
+
+def _by_kind(
+    crowd: Sequence[TrackedPerson], times: Array, occupancy: Array, comparison: Comparison
+) -> dict[TubeKind, Nearest]:
+    """Per kind; with kinds None, each kind among those who have a tube of it."""
+
+    def ask(people: Sequence[TrackedPerson], kinds: frozenset[TubeKind]) -> dict[TubeKind, Nearest]:
+        return nearest_people(
+            people, times_s=times, rectangles=occupancy, kinds=kinds, skew_s=comparison.skew_s
+        )
+
+    if comparison.kinds is not None:
+        return ask(crowd, comparison.kinds)
+    found = {}
+    for kind in KIND_NUMBERS:
+        having = [i for i, each in enumerate(crowd) if any(t.kind == kind for t in each.tubes)]
+        answer = ask([crowd[i] for i in having], frozenset([kind] if having else []))[kind]
+        at = None if answer.person is None else having[answer.person]
+        found[kind] = dataclasses.replace(answer, person=at)
+    return found
 
 
 def covered_ground(tube: ReachTube, *, ground: Ground, body: VehicleBody) -> Array:
     """Rectangles (K x 5) that contain the body on every segment of `tube`; NaN where there is none
     (the heading spreads beyond 1.5 rad, or leaves the range of the trigonometry)."""
-    function = occupancy_function()
+    function = _OCCUPANCY()
     size = [body.front_m, body.rear_m, body.half_width_m]
     rows = []
     for low, high in zip(tube.lower, tube.upper, strict=True):
