@@ -31,7 +31,15 @@ def test_shipped_vehicle_has_the_documented_numbers() -> None:
     assert "station" not in vehicle.operation.region.names
     texts = [
         getattr(vehicle, name).provenance
-        for name in ("geometry", "limits", "steering_pid", "speed_pid", "operation", "brake")
+        for name in (
+            "geometry",
+            "limits",
+            "steering_pid",
+            "speed_pid",
+            "operation",
+            "guard",
+            "brake",
+        )
     ]
     assert all(texts)
     assert vehicle.provenance
@@ -67,6 +75,12 @@ def test_brake_of_the_file_is_the_mode() -> None:
     assert (mode.deceleration_min_mps2, mode.delay_s, mode.build_up_s) == (2.0, 0.1, 0.1)
 
 
+def test_guard_of_the_file_bounds_people_and_says_that_it_is_assumed() -> None:
+    guard = gem_e2().guard
+    assert (guard.speed_max_mps, guard.accel_max_mps2) == (2.5, 1.5)
+    assert "ssumed" in guard.provenance
+
+
 @pytest.mark.parametrize(
     ("old", "new", "messages"),
     [
@@ -97,6 +111,10 @@ def test_brake_of_the_file_is_the_mode() -> None:
             "heading_error_rad = -0.05",
             ("[initial_set.radius] heading_error_rad", ">= 0"),
         ),
+        ("speed_max_mps = 2.5", "speed_max_mps = 0.0", ("[guard] speed_max_mps", "> 0", "0.0")),
+        ("speed_max_mps = 2.5", "speed_max = 2.5", ("[guard]", "speed_max_mps")),
+        ("accel_max_mps2 = 1.5", "accel_max_mps2 = inf", ("[guard] accel_max_mps2", "finite")),
+        ("accel_max_mps2 = 1.5\n", "", ("[guard] lacks the key accel_max_mps2",)),
         ("deceleration_min_mps2 = 2.0", "deceleration_min_mps2 = 9.0", ("[brake]", "<=")),
         ("build_up_s = 0.1", "build_up_s = 0.0", ("[brake]", "build_up_s > 0")),
         ('name = "GEM e2"', "name = 7", ("[vehicle] name", "text in quotes")),

@@ -21,6 +21,7 @@ from workbench.models.vehicle_sections import (
     STATE_KEYS,
     Brake,
     Geometry,
+    Guard,
     Limits,
     Operation,
     SpeedGains,
@@ -28,16 +29,17 @@ from workbench.models.vehicle_sections import (
 )
 from workbench.sets import Box
 
-_Section = TypeVar("_Section", Geometry, Limits, SteeringGains, SpeedGains, Brake)
+_Section = TypeVar("_Section", Geometry, Limits, SteeringGains, SpeedGains, Guard, Brake)
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Vehicle:
-    """One vehicle: all that its closed loop, its body and its operating region need.
+    """One vehicle: all that its closed loop, its body, its operating region and its guard need.
 
-    `initial_set` is in path states. Change parts with `dataclasses.replace` or `with_geometry`.
-    Raises InputError when the initial set leaves the operating region.
+    `guard` bounds how people move around it. `initial_set` is in path states. Change parts with
+    `dataclasses.replace` or `with_geometry`. Raises InputError when the initial set leaves the
+    operating region.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Vehicle:
     operation: Operation
     initial_set: Box
     initial_set_provenance: str
+    guard: Guard
     brake: Brake
 
     def __post_init__(self) -> None:
@@ -151,6 +154,7 @@ def _vehicle(document: Mapping[str, object]) -> Vehicle:
         "speed_pid",
         "operation",
         "initial_set",
+        "guard",
         "brake",
     )
     _require_keys("the file", document, sections, what="section")
@@ -168,6 +172,7 @@ def _vehicle(document: Mapping[str, object]) -> Vehicle:
         operation=_operation(tables["operation"]),
         initial_set=_initial_set(initial_set),
         initial_set_provenance=_text("[initial_set]", "provenance", initial_set),
+        guard=_section(Guard, "guard", tables["guard"]),
         brake=_section(Brake, "brake", tables["brake"]),
     )
 

@@ -128,3 +128,20 @@ class Brake:
             self.build_up_s,
             self.stop_speed_mps,
         )
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """How fast a person may move at most, and how fast that velocity may change (magnitudes).
+
+    The guard of a person is every position they can reach under both bounds: |velocity| <=
+    speed_max_mps and |acceleration| <= accel_max_mps2 at every instant, in any direction.
+    """
+
+    speed_max_mps: float
+    accel_max_mps2: float
+    provenance: str
+
+    def __post_init__(self) -> None:
+        _require_positive(self, "speed_max_mps", "accel_max_mps2")
