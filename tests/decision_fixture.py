@@ -18,7 +18,7 @@ pytest.importorskip("casadi", reason="needs the optional package casadi")
 from workbench.codegen import MonitorSpec
 from workbench.codegen.bundle import bundle_files
 from workbench.codegen.compiler import FLAGS, compile_shared
-from workbench.codegen.tube_kernel import load_function
+from workbench.codegen.native_calls import load_function
 from workbench.models.vehicle import gem_e2
 from workbench.runtime.manifest import (
     LIBRARY_FILE,

@@ -16,7 +16,7 @@ from workbench.bench import (
     bounds_at,
     cold_start,
     escaping,
-    kernel_time,
+    kernel_times,
     sampled_runs,
 )
 from workbench.bench.scoreboard import Loop
@@ -149,8 +149,9 @@ def test_wrong_use_is_answered() -> None:
 
 
 def test_kernel_times_are_counted() -> None:
-    measured = kernel_time(b1_small())
-    assert 0.5 < measured.trajectory_us < measured.tube_us < 1e5
+    measured, quadratic = kernel_times(b1_small())
+    assert (measured.method, quadratic.method) == ("online-linear", "online-quadratic")
+    assert 0.5 < measured.trajectory_us < measured.tube_us < quadratic.tube_us < 1e5
     assert measured.ratio > 1.0
     if shutil.which("valgrind") is None:
         assert measured.instruction_ratio is None
@@ -174,14 +175,15 @@ def test_the_command_reports_everything(
 ) -> None:
     monkeypatch.setattr("workbench.cli.bench._TRAJECTORIES_QUICK", 3000)
     monkeypatch.setattr("workbench.bench.scoreboard.HORIZONS_S", (0.4, 0.5))
+    monkeypatch.setattr("workbench.cli.bench_online.measure", lambda *_, **__: [])
     assert main(["bench", "--quick", "--only", "B1-small", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["escapes"] == 0
     assert found["trajectories"] == 3000
     scores = {method["method"]: method for method in found["tightness"]["B1-small"]}
-    assert list(scores) == ["validated", "validated, 8 cells", "sensitivity", "compiled"]
-    for name, method in scores.items():
-        assert method["rigor"] == ("ENCLOSED" if "validated" in name else "NUMERICAL")
+    assert list(scores) == ["validated", "validated, 8 cells", "online-linear", "online-quadratic"]
+    for method in scores.values():
+        assert method["rigor"] == "ENCLOSED"
         first = method["horizons"][0]
         assert first["horizon_s"] == 0.4
         assert first["trajectories"] == 3000
@@ -199,11 +201,12 @@ def test_the_command_reports_everything(
 def test_a_board_alone_leaves_the_others_out(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    time = KernelTime("B1", 60, 200, 60.0, 5.0, 12.0, None, None)
-    monkeypatch.setattr("workbench.bench.kernel_time", lambda _: time)
+    time = KernelTime("B1", "online-linear", 60, 200, 60.0, 5.0, 12.0, None, None, None)
+    monkeypatch.setattr("workbench.bench.kernel_times", lambda _: (time,))
     assert main(["bench", "--board", "time", "--only", "B1", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["tightness"], found["cold_start"], found["escapes"]) == ({}, None, None)
+    assert found["online"] == []
     assert found["times"][0]["tube_us"] == 60.0
 
 
@@ -219,11 +222,12 @@ def test_an_escape_makes_the_command_fail(
         score = samples.score(0, 3.0)
         return (MethodScore("any", 0.05, "NUMERICAL", "COMPLETE", 3.0, 0.0, 0.5, (score,)),)
 
-    time = KernelTime("B1", 60, 200, 60.0, 5.0, 12.0, None, None)
+    time = KernelTime("B1", "online-linear", 60, 200, 60.0, 5.0, 12.0, None, None, None)
     start = ColdStart(1, 0.1, 0.05, 0.01, 0.001, 20.0, "SAFE", "")
     monkeypatch.setattr("workbench.bench.score_loop", one_escape)
-    monkeypatch.setattr("workbench.bench.kernel_time", lambda _: time)
+    monkeypatch.setattr("workbench.bench.kernel_times", lambda _: (time,))
     monkeypatch.setattr("workbench.cli.bench._cold_start", lambda _: start)
+    monkeypatch.setattr("workbench.cli.bench_online.measure", lambda *_, **__: [])
     assert main(["bench", "--quick", "--only", "B1", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["escapes"] == 1
     assert main(["bench", "--quick", "--only", "B1"]) == 1

@@ -77,7 +77,7 @@ def test_the_golden_vectors_tell_the_verdicts_apart() -> None:
 
 def test_the_manifest_says_what_was_built() -> None:
     manifest, vehicle = real_manifest(), gem_e2()
-    assert manifest.rigor is Rigor.NUMERICAL
+    assert manifest.rigor is Rigor.ENCLOSED
     assert (manifest.horizon_s, manifest.step_s, manifest.steps) == (HORIZON_S, STEP_S, 60)
     body, built = vehicle.geometry, manifest.vehicle
     for name in ("wheelbase_m", "front_m", "rear_m", "half_width_m"):

@@ -17,7 +17,7 @@ from workbench.claims import Rigor
 from workbench.errors import InputError
 from workbench.models import ClosedLoop, Disturbance, System
 from workbench.models.benchmarks import b1, b1_small
-from workbench.reach import ReachTube, SensitivityTube, ValidatedTube
+from workbench.reach import ReachTube, ValidatedTube
 from workbench.sets import Box
 
 Fault = Callable[[ReachTube], ReachTube]
@@ -195,7 +195,7 @@ def test_a_campaign_shares_the_trajectories_out_and_counts_its_loops() -> None:
 
 def test_too_few_trajectories_are_wrong_use() -> None:
     with pytest.raises(InputError, match="fewer loops"):
-        run_campaign(SensitivityTube(0.05), loops=5, trajectories=100)
+        run_campaign(ValidatedTube(0.05), loops=5, trajectories=100)
 
 
 def test_the_command_reports_and_its_status_tells(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -224,7 +224,7 @@ def test_the_command_reports_and_its_status_tells(monkeypatch: pytest.MonkeyPatc
         return dataclasses.replace(sound_check(*arguments, **named), escapes=1)
 
     monkeypatch.setattr(campaign, "check_loop", accused)
-    found = invoke(*words, "--method", "sensitivity")
+    found = invoke(*words, "--method", "online-linear")
     assert found.status == 1
     assert "1 escapes, 0 undecided" in found.out
 

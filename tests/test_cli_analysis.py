@@ -102,7 +102,7 @@ def test_derived_bounds_hold_for_sampled_runs(tmp_path: Path) -> None:
     methods = {each["method"]: each for each in found.data["bounds"]}
     assert tuple(methods) == METHODS
     for name, each in methods.items():
-        assert each["rigor"] == ("NUMERICAL" if name == "sensitivity-numerical" else "ENCLOSED")
+        assert each["rigor"] == "ENCLOSED"
         assert np.all(np.array(each["half_widths"][-1]) >= reached - 1e-9), name
         assert each["cost_s"] > 0.0
         assert each["proved_until_s"] == 0.5
@@ -120,7 +120,7 @@ def test_derived_bounds_hold_for_sampled_runs(tmp_path: Path) -> None:
 
 
 def test_the_recommendation_follows_from_the_figures() -> None:
-    words = ("--method", "growth-matrix", "local-growth", "sensitivity-numerical")
+    words = ("--method", "growth-matrix", "local-growth", "sensitivity-linear")
     found = invoke("derive", "--system", "b1-small", "--horizon", "0.5", *words, "--json").data
     by_name = {each["method"]: each for each in found["bounds"]}
     assert tuple(by_name) == words[1:]

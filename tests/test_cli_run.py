@@ -43,7 +43,7 @@ def test_build_leaves_a_bundle_that_loads(
     out = tmp_path / "bundle"
     assert main(["build", *_QUICK, "--out", str(out), "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
-    assert (data["folder"], data["steps"], data["rigor"]) == (str(out), 60, "NUMERICAL")
+    assert (data["folder"], data["steps"], data["rigor"]) == (str(out), 60, "ENCLOSED")
     assert {path.name: path.read_bytes() for path in out.iterdir()} == real_files()
     assert _names(tmp_path) == {"bundle"}
     assert load_bundle(out).manifest.name == "GEM e2"

@@ -16,7 +16,6 @@ from workbench.errors import InputError
 from workbench.models.benchmarks import Benchmark, b1, b2, b2_path
 from workbench.models.system import Ode, system_from_casadi
 from workbench.reach import compute_tube
-from workbench.reach.sensitivity_tube import SensitivityTube
 from workbench.sensitivity import (
     BlockGrowth,
     Discrepancy,
@@ -69,7 +68,6 @@ def _region(name: str) -> Box:
         benchmark.system,
         initial_set=benchmark.initial_set,
         horizon_s=_HORIZON_S,
-        method=SensitivityTube(0.02),
     )
     lower, upper = tube.lower.min(axis=0), tube.upper.max(axis=0)
     return Box(tube.names, tuple(lower.tolist()), tuple(upper.tolist()))

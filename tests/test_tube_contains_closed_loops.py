@@ -20,7 +20,7 @@ from tube_cases import (
 
 from workbench.models import ClosedLoop
 from workbench.models.benchmarks import b1, b2, b2_path
-from workbench.reach import Partitioned, ReachTube, SensitivityTube, compute_tube
+from workbench.reach import Partitioned, ReachTube, ValidatedTube, compute_tube
 from workbench.sets import Box
 
 # A failing example is small enough as it is: each costs a second, shrinking would take minutes.
@@ -36,7 +36,7 @@ STEPS_S = st.floats(0.02, 0.05)
 
 def checked(system: ClosedLoop, initial_set: Box, horizon_s: float, step_s: float) -> ReachTube:
     """The tube, after every reference run was found inside it as far as it goes."""
-    method = SensitivityTube(step_s)
+    method = ValidatedTube(step_s)
     tube = compute_tube(system, initial_set=initial_set, horizon_s=horizon_s, method=method)
     if len(tube.times) > 1:
         times = dense_times(tube)
@@ -85,7 +85,7 @@ def test_benchmarks(benchmark, step_s: float, horizon_s: float) -> None:
         loop.system,
         initial_set=loop.initial_set,
         horizon_s=horizon_s,
-        method=SensitivityTube(step_s),
+        method=ValidatedTube(step_s),
     )
     assert tube.complete, tube.message
     times = dense_times(tube)
@@ -96,7 +96,7 @@ def test_benchmarks(benchmark, step_s: float, horizon_s: float) -> None:
 def test_the_hull_of_cells_contains_too_and_is_tighter() -> None:
     system = system_of(lambda x, v: [v, (1 - x**2) * v - ca.fmax(x, -0.5)], "x", "v")
     start = box(x=(0.5, 1.5), v=(-0.2, 0.4))
-    method = SensitivityTube(0.03)
+    method = ValidatedTube(0.03)
     whole, cells = (
         compute_tube(system, initial_set=start, horizon_s=1.5, method=m)
         for m in (method, Partitioned(method, {"x": 3, "v": 2}))

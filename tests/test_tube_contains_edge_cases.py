@@ -7,7 +7,7 @@ import pytest
 from tube_cases import assert_contains, box, dense_times, starts, system_of, tube_of
 
 from workbench.errors import InputError
-from workbench.reach import SensitivityTube
+from workbench.reach import ValidatedTube
 
 
 @pytest.mark.parametrize(
@@ -78,4 +78,4 @@ def test_sets_that_are_no_sets_are_refused() -> None:
             tube_of(system, box(x=(0.0, 1.0)), horizon_s)
     for step_s in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(InputError, match="step_s"):
-            SensitivityTube(step_s)
+            ValidatedTube(step_s)

@@ -14,7 +14,7 @@ from workbench.bench import escaping
 from workbench.controllers import PathFollowing, SpeedPid, SteeringPid, Track
 from workbench.models import ClosedLoop, Ode, PlaneBicycle, Ranged, System, system_from_casadi
 from workbench.models.benchmarks import PLANE_STATES
-from workbench.reach import ReachTube, SensitivityTube, compute_tube
+from workbench.reach import ReachTube, ValidatedTube, compute_tube
 from workbench.sensitivity.ascent import gradient_states
 from workbench.sensitivity.sampling import sample_initial_states
 from workbench.sensitivity.vectorised import Vectorised
@@ -52,7 +52,7 @@ def disturbed(
 
 
 def tube_of(system: Ode, initial_set: Box, horizon_s: float, step_s: float = 0.05) -> ReachTube:
-    method = SensitivityTube(step_s)
+    method = ValidatedTube(step_s)
     return compute_tube(system, initial_set=initial_set, horizon_s=horizon_s, method=method)
 
 

@@ -5,7 +5,7 @@ from workbench.bench.containment import bounds_at, escaping
 from workbench.bench.samples import SamplePlan, sampled_runs
 from workbench.bench.scoreboard import Loop, bench_loops, score_loop
 from workbench.bench.tightness import HorizonScore, MethodScore
-from workbench.bench.timing import KernelTime, kernel_time
+from workbench.bench.timing import KernelTime, kernel_times
 
 __all__ = [
     "ColdStart",
@@ -18,7 +18,7 @@ __all__ = [
     "bounds_at",
     "cold_start",
     "escaping",
-    "kernel_time",
+    "kernel_times",
     "sampled_runs",
     "score_loop",
 ]

@@ -7,46 +7,31 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import final
 
+from workbench.bench.online_kernels import Form, compiled, kernel_functions
 from workbench.bench.samples import SamplePlan, sampled_runs
 from workbench.bench.tightness import SCORE_STEP_S, MethodScore, Samples
-from workbench.codegen.c_source import KernelSizes
-from workbench.codegen.tube_kernel import CompiledTube
 from workbench.errors import InputError
 from workbench.models.benchmarks import Benchmark, all_benchmarks
-from workbench.reach import (
-    Partitioned,
-    ReachTube,
-    SensitivityTube,
-    TubeMethod,
-    ValidatedTube,
-    compute_tube,
-)
+from workbench.reach import Partitioned, ReachTube, TubeMethod, ValidatedTube, compute_tube
 from workbench.reach.inner.extremes import SearchEffort
 from workbench.reach.inner.hull import inner_hull
-from workbench.sets import Box
 
 HORIZONS_S = (3.0, 4.0, 5.0)
 # Steps of 0.05 s are sampled at quarters, so that motion between instants is seen.
 SAMPLE_STEP_S = SCORE_STEP_S / 4
-# Limited loops switch between regimes within a step; a short one keeps the undecided share small.
-_DESK_STEP_S = 0.025
-_DESK_STEP_LIMITED_S = 0.01
-_MERGE_STEPS = 1
+ONLINE_KERNEL = "local"
 # The initial set is split along the states that drive the others: y, speed and heading, or offset,
 # speed and heading error; finely where limits are met.
 _SPLIT_AXES = (1, 3, 4)
 _SPLIT_FINELY = ("B2", "B2-slow")
-# The compiled tube refuses to leave its region; here the region shall not decide.
-_REGION = 100.0
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """A benchmark loop, the step of the desk method on it (s), and the partitions of its set."""
+    """A benchmark loop and the partitions of its set."""
 
     benchmark: Benchmark
-    desk_step_s: float
     parts_per_axis: tuple[int, ...]
 
 
@@ -57,26 +42,10 @@ def bench_loops(only: tuple[str, ...]) -> tuple[Loop, ...]:
     if unknown:
         raise InputError(f"no benchmark loop {unknown[0]!r}; expected one of {', '.join(known)}")
     return tuple(
-        Loop(
-            loop,
-            _DESK_STEP_S if name.startswith("B1") else _DESK_STEP_LIMITED_S,
-            (1, 2, 3) if name in _SPLIT_FINELY else (1, 2),
-        )
+        Loop(loop, (1, 2, 3) if name in _SPLIT_FINELY else (1, 2))
         for name, loop in known.items()
         if not only or name in only
     )
-
-
-def wide_region(benchmark: Benchmark) -> Box:
-    """An operating region far larger than any tube of the benchmark."""
-    names = benchmark.system.ode.names
-    return Box(names, (-_REGION,) * len(names), (_REGION,) * len(names))
-
-
-def compiled_tube(benchmark: Benchmark, horizon_s: float) -> CompiledTube:
-    """The compiled kernel of one loop, for steps of 0.05 s up to `horizon_s`."""
-    sizes = KernelSizes(round(horizon_s / SCORE_STEP_S), SCORE_STEP_S, _MERGE_STEPS)
-    return CompiledTube(benchmark.system, region=wide_region(benchmark), sizes=sizes)
 
 
 @final
@@ -92,7 +61,6 @@ class Entry:
 def entries(loop: Loop, horizon_s: float) -> tuple[Entry, ...]:
     """The methods for one loop, each from the whole horizon in s to a tube."""
     benchmark = loop.benchmark
-    kernel = compiled_tube(benchmark, horizon_s)
 
     def by(method: TubeMethod) -> Callable[[float], ReachTube]:
         return lambda horizon_s: compute_tube(
@@ -102,8 +70,12 @@ def entries(loop: Loop, horizon_s: float) -> tuple[Entry, ...]:
             method=method,
         )
 
-    def compiled(horizon_s: float) -> ReachTube:
-        return kernel.tube(benchmark.initial_set, horizon_s=horizon_s, step_s=SCORE_STEP_S)
+    def online(form: Form) -> Callable[[float], ReachTube]:
+        functions = kernel_functions(benchmark, ONLINE_KERNEL, form)
+        kernel = compiled(functions, horizon_s=horizon_s, step_s=SCORE_STEP_S)
+        return lambda horizon_s: kernel.tube(
+            benchmark.initial_set, horizon_s=horizon_s, step_s=SCORE_STEP_S
+        )
 
     names = benchmark.system.ode.names
     validated = tuple(
@@ -114,8 +86,9 @@ def entries(loop: Loop, horizon_s: float) -> tuple[Entry, ...]:
         )
         for parts in loop.parts_per_axis
     )
-    desk = Entry("sensitivity", loop.desk_step_s, by(SensitivityTube(loop.desk_step_s)))
-    return (*validated, desk, Entry("compiled", SCORE_STEP_S, compiled))
+    return (
+        *validated, *(Entry(f"online-{form.value}", SCORE_STEP_S, online(form)) for form in Form)
+    )  # fmt: skip
 
 
 def score_loop(
@@ -154,7 +127,7 @@ _UNITS_PER_TUBE = 5
 
 def units_of_work(loop: Loop, plan: SamplePlan) -> int:
     """How often `score_loop` counts on."""
-    return (len(loop.parts_per_axis) + 3) * _UNITS_PER_TUBE + plan.blocks
+    return (len(loop.parts_per_axis) + len(Form) + 1) * _UNITS_PER_TUBE + plan.blocks
 
 
 def _timed(method: Entry, horizon_s: float) -> tuple[float, float | None]:

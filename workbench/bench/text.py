@@ -90,10 +90,12 @@ def _ratio(value: float | None) -> str:
 
 
 def times_text(times: Sequence[KernelTime]) -> str:
-    """Compiled tube beside compiled trajectory."""
+    """Online tubes beside the compiled trajectory."""
     rows = [
         [
             item.loop,
+            item.method,
+            str(item.steps),
             f"{item.trajectory_us:.2f}",
             f"{item.tube_us:.1f}",
             f"{item.ratio:.1f}",
@@ -104,6 +106,8 @@ def times_text(times: Sequence[KernelTime]) -> str:
     ]
     headings = [
         "loop",
+        "method",
+        "steps",
         "trajectory us",
         "tube us",
         "ratio",
@@ -112,9 +116,7 @@ def times_text(times: Sequence[KernelTime]) -> str:
         "ratio",
     ]
     first = times[0]
-    title = (
-        f"one call in C, {first.steps} steps of 0.05 s, median of {first.rounds} interleaved rounds"
-    )
+    title = f"one call in C in steps of 0.05 s, median of {first.rounds} interleaved rounds"
     if first.tube_instructions is None:
         title += "; instructions not counted, valgrind is missing"
     return f"{title}\n{table(headings, rows)}"

@@ -97,9 +97,13 @@ class Samples:
     def add(self, runs: Array) -> None:
         """Take in one block of trajectories (N, K+1, n)."""
         self.count += len(runs)
-        self.lower = np.minimum(self.lower, runs.min(axis=0))
-        self.upper = np.maximum(self.upper, runs.max(axis=0))
+        low, high = runs.min(axis=0), runs.max(axis=0)
+        self.lower = np.minimum(self.lower, low)
+        self.upper = np.maximum(self.upper, high)
         for first, (lower, upper) in zip(self._first, self._bounds, strict=True):
+            # Most tubes hold the whole block; a NaN run makes this false.
+            if np.all((lower <= low) & (high <= upper)):
+                continue
             beyond = np.maximum(lower - runs, runs - upper).max(axis=2)
             for allowance, found in first.items():
                 # Written so that a NaN is outside.
@@ -112,13 +116,17 @@ class Samples:
         first = np.concatenate([np.zeros(0), *self._first[which][allowance]])
         return int(np.sum(first <= horizon_s + 1e-9))
 
-    def score(self, which: int, horizon_s: float) -> HorizonScore:
-        """Scores of tube number `which` over [0, horizon_s]."""
+    def score(self, which: int, horizon_s: float, *, grid_s: float = SCORE_STEP_S) -> HorizonScore:
+        """Scores of tube number `which` over [0, horizon_s].
+
+        grid_s: distance of the instants and length of the segments that are scored, a multiple of
+        0.05 s: for tubes in longer steps, which say nothing sharp about instants between them.
+        """
         tube = self.tubes[which]
         end = min(horizon_s, float(tube.times[-1]))
         lower, upper = self._bounds[which]
-        per_step = round(SCORE_STEP_S / (self.times[1] - self.times[0]))
-        last = int(np.floor(end / SCORE_STEP_S + 1e-9)) * per_step
+        per_step = round(grid_s / (self.times[1] - self.times[0]))
+        last = int(np.floor(end / grid_s + 1e-9)) * per_step
         at = np.arange(per_step, last + 1, per_step)
         width, sampled = (upper - lower)[at], (self.upper - self.lower)[at]
         excess = self._excess(tube, at, per_step)
@@ -160,7 +168,7 @@ class Samples:
             parts = (tube.times[:-1] < end - 1e-9) & (tube.times[1:] > begin + 1e-9)
             low, high = tube.lower[parts].min(axis=0), tube.upper[parts].max(axis=0)
             rows.append((self.lower[span].min(axis=0) - low, high - self.upper[span].max(axis=0)))
-        return np.array(rows).reshape(len(at), 2, -1).transpose(1, 0, 2)
+        return np.array(rows).reshape(len(at), 2, len(tube.names)).transpose(1, 0, 2)
 
 
 def _means(

@@ -8,22 +8,26 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from workbench.cli import bench_online
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
     from workbench.bench import ColdStart, KernelTime, Loop, MethodScore, SamplePlan
+    from workbench.bench.online_board import OnlineBoard
 
 HELP: Final = (
-    "Score every tube (validated as one set and in cells, sensitivity, compiled) on the benchmark "
-    "loops against the same sampled trajectories and against validated ones, and time the compiled "
-    "ones. The seed is fixed. Exit status 1 if any trajectory leaves a tube."
+    "Score every tube (validated as one set and in cells, online in both forms) on the benchmark "
+    "loops against the same sampled trajectories and against validated ones, and time the online "
+    "ones; the online kernels in all forms, steps and cells. The seed is fixed. Exit status 1 if "
+    "any trajectory leaves a tube, or compiled code computes other bits than its source."
 )
 EXAMPLE: Final = """\
 workbench bench --quick --only B1 --only B2
 workbench bench --board tightness --only B2-slow
+workbench bench --board online --only B1 --plot out/online.html
 """
 
-BOARDS: Final = ("tightness", "time", "cold-start")
+BOARDS: Final = ("tightness", "time", "online", "cold-start")
 
 _SEED: Final = 1
 _TRAJECTORIES: Final = 200_000
@@ -49,8 +53,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="append",
         choices=BOARDS,
         default=[],
-        help="measure only this: tightness and escapes of the tubes, time of the compiled ones, or "
-        "cold start of the runtime (can be given more than once; default: all)",
+        help="measure only this: tightness and escapes of the tubes, time of the online ones, "
+        "the online kernels (width, escapes, time, instructions, memory, agreement), or cold start "
+        "of the runtime (can be given more than once; default: all)",
     )
     parser.add_argument(
         "--bundle",
@@ -58,6 +63,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="bundle whose cold start is measured (default: the shipped vehicle's, built for it)",
     )
+    bench_online.configure(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -74,33 +80,53 @@ def run(args: argparse.Namespace) -> int:
         )
     loops = bench_loops(tuple(args.only))
     boards = args.board or BOARDS
+    bench_online.check(args, boards)
     count = _TRAJECTORIES_QUICK if args.quick else _TRAJECTORIES
     plan = SamplePlan(count, max(HORIZONS_S), SAMPLE_STEP_S, _SEED)
     cold = _cold_start(args.bundle) if "cold-start" in boards else None
     times = _times(loops) if "time" in boards else []
     scores = _scores(loops, plan) if "tightness" in boards else {}
+    online = _online(args, loops, count) if "online" in boards else []
     texts = [tightness_text(loop, scores[loop.benchmark.name]) for loop in loops if scores]
     texts += [times_text(times)] if times else []
+    texts += [_online_text(args, online)] if online else []
     texts += [cold_start_text(cold)] if cold else []
     found = sum(method.horizons[-1].escapes for loop in scores.values() for method in loop)
     texts += [f"escapes: {found} in all (seed {_SEED})"] if scores else []
+    bad = found + sum(board.escapes + board.disagreements for board in online)
     emit(
         args,
         "\n\n".join(texts),
         {"seed": _SEED, "trajectories": count, "escapes": found if scores else None,
-         "tightness": scores, "times": times, "cold_start": cold},
+         "tightness": scores, "times": times, "online": online,
+         "cold_start": cold},
     )  # fmt: skip
-    return CLAIM_FAILS if found else DONE
+    return CLAIM_FAILS if bad else DONE
+
+
+def _online(
+    args: argparse.Namespace, loops: Sequence[Loop], trajectories: int
+) -> list[OnlineBoard]:
+    return bench_online.measure(args, loops, trajectories=trajectories, seed=_SEED)
+
+
+def _online_text(args: argparse.Namespace, boards: Sequence[OnlineBoard]) -> str:
+    """The tables; also written to the files that were asked for."""
+    from workbench.bench.online_text import online_text, summary_text
+
+    text = "\n\n".join([*(online_text(board) for board in boards), summary_text(boards, _SEED)])
+    bench_online.write_files(args, boards, text)
+    return text
 
 
 def _times(loops: Sequence[Loop]) -> list[KernelTime]:
-    from workbench.bench import kernel_time
+    from workbench.bench import kernel_times
     from workbench.cli.output import Progress
 
-    times = []
-    with Progress("time of compiled kernels", len(loops)) as progress:
+    times: list[KernelTime] = []
+    with Progress("time of online tubes", len(loops)) as progress:
         for loop in loops:
-            times.append(kernel_time(loop.benchmark))
+            times += kernel_times(loop.benchmark)
             progress.advance()
     return times
 

@@ -20,11 +20,11 @@ HELP: Final = (
 EXAMPLE: Final = """\
 workbench campaign
 workbench campaign --loops 20 --trajectories 20000 --seed 7
-workbench campaign --method sensitivity --step 0.02
+workbench campaign --method online-quadratic --loops 50
 """
 
-_METHODS: Final = ("validated", "sensitivity")
-_STEP_S: Final = {"validated": 0.05, "sensitivity": 0.02}
+_METHODS: Final = ("validated", "online-linear", "online-quadratic")
+_STEP_S: Final = 0.05
 _PER_LOOP: Final = 100
 # About what a loop's tube and a trajectory take on two shared cores.
 _TUBE_S, _TRAJECTORY_S, _LONG_S = 3.0, 3.5e-4, 3600.0
@@ -51,9 +51,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default="validated",
         help="whose tubes are attacked (default: validated)",
     )
-    steps = ", ".join(f"{step_s:g} for {name}" for name, step_s in _STEP_S.items())
     parser.add_argument(
-        "--step", type=positive, metavar="S", help=f"of the tubes, in s (default: {steps})"
+        "--step",
+        type=positive,
+        default=_STEP_S,
+        metavar="S",
+        help=f"of the tubes, in s (default: {_STEP_S:g})",
     )
 
 
@@ -66,10 +69,9 @@ def run(args: argparse.Namespace) -> int:
     expected_s = _TUBE_S * args.loops + _TRAJECTORY_S * args.trajectories
     if expected_s > _LONG_S:
         warn(f"about {expected_s / 3600.0:.0f} h; fewer --loops or --trajectories take less")
-    step_s = _STEP_S[args.method] if args.step is None else args.step
     with Progress("campaign", args.loops) as progress:
         result = run_campaign(
-            _method(args.method, step_s),
+            _method(args.method, args.step),
             loops=args.loops,
             trajectories=args.trajectories,
             seed=args.seed,
@@ -77,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
         )
     data = {
         "method": args.method,
-        "step_s": step_s,
+        "step_s": args.step,
         "seed": result.seed,
         "trajectories": result.trajectories,
         "escapes": result.escapes,
@@ -90,9 +92,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _method(name: str, step_s: float) -> TubeMethod:
-    from workbench.reach import SensitivityTube, ValidatedTube
+    from workbench.bench.online_kernels import Form
+    from workbench.bench.online_method import OnlineMethod
+    from workbench.reach import ValidatedTube
 
-    return ValidatedTube(step_s) if name == "validated" else SensitivityTube(step_s)
+    if name == "validated":
+        return ValidatedTube(step_s)
+    return OnlineMethod(step_s, Form(name.removeprefix("online-")))
 
 
 def _text(result: CampaignResult) -> str:

@@ -46,7 +46,7 @@ METHODS: Final = (
     "norm-max", "norm-sum", "norm-euclidean", "growth-matrix", "metric", "blocks",
     "local-norm-max", "local-norm-sum", "local-norm-euclidean", "local-growth", "local-metric",
     "local-blocks", "local-lagrangian",
-    "sensitivity-linear", "sensitivity-quadratic", "sensitivity-numerical",
+    "sensitivity-linear", "sensitivity-quadratic",
 )  # fmt: skip
 _SAMPLES: Final = 1000
 _SEED: Final = 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from workbench.reach import SensitivityTube, TubeMethod, ValidatedTube
+from workbench.reach import TubeMethod, ValidatedTube
 from workbench.reach.local import (
     LocalBlocks,
     LocalEffort,
@@ -65,5 +65,4 @@ LOCAL: Final[dict[str, Callable[[float], LocalMethod]]] = {
 TUBES: Final[dict[str, Callable[[float], TubeMethod]]] = {
     "sensitivity-linear": lambda step_s: ValidatedTube(step_s, degree=1),
     "sensitivity-quadratic": lambda step_s: ValidatedTube(step_s, degree=2),
-    "sensitivity-numerical": SensitivityTube,
 }

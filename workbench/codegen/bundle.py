@@ -12,7 +12,6 @@ from typing import final
 
 from workbench import __version__
 from workbench.claims import Assumption, Rigor
-from workbench.codegen.c_source import KernelSizes
 from workbench.codegen.compiler import Compiled, compile_shared
 from workbench.codegen.decision_source import decision_layout, decision_source
 from workbench.codegen.golden import golden_vectors
@@ -37,7 +36,6 @@ from workbench.sets import Box
 
 # The kernel takes curvature from the path table; the model's own interval is a placeholder.
 _ANY_CURVATURE = PathFrame(-0.5, 0.5)
-_MERGE_STEPS = 1
 # Every step is a row of the result and of the tables; memory and compile time follow.
 LONGEST_S = 60.0
 MOST_STEPS = 2000
@@ -70,8 +68,8 @@ ASSUMPTIONS = (
         "checked at loading and around every call",
     ),
     Assumption(
-        "rounding", "rounding and truncation of the tube stay below its estimated allowances",
-        "estimated, not proved: the bundle's rigor is NUMERICAL",
+        "rounding", "rounding, truncation and motion between instants are inside the tube",
+        "proved: a budget over the operating region, see docs/online-kernel.md",
     ),
     Assumption(
         "people", "everybody stays in the disc predicted for them", "the prediction's own model",
@@ -151,8 +149,7 @@ def bundle_files(spec: MonitorSpec) -> dict[str, bytes]:
     """The files of a bundle, name -> content."""
     ode = spec.vehicle.closed_loop(spec.vehicle.track(), _ANY_CURVATURE).ode
     region = operating_region(spec.vehicle)
-    sizes = KernelSizes(spec.steps, spec.step_s, _MERGE_STEPS)
-    source = decision_source(ode, region, sizes)
+    source = decision_source(ode, region, steps=spec.steps, step_s=spec.step_s)
     compiled = compile_shared(source)
     text = manifest_to_json(_manifest(spec, ode, compiled))
     files = {
@@ -201,7 +198,7 @@ def _manifest(spec: MonitorSpec, ode: Ode, compiled: Compiled) -> Manifest:
         step_s=spec.step_s,
         horizon_s=spec.horizon_s,
         region=region,
-        rigor=Rigor.NUMERICAL,
+        rigor=Rigor.ENCLOSED,
         assumptions=ASSUMPTIONS,
         golden=golden,
     )

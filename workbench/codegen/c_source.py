@@ -1,17 +1,14 @@
-"""C text of a kernel: CasADi's functions, the tables of one model, and the hand-written loop."""
+"""Parts of a kernel's C text: CasADi's functions, tables, and the hand-written files."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable, Sequence
 from importlib.resources import files
-from typing import final
 
 import casadi as ca
 
 from workbench.errors import InputError
-from workbench.reach.step_functions import PICARD_TRIALS, StepFunctions
-from workbench.sets import Box
 
 # One instruction in place of a library call. Minimum and maximum differ from C's for NaN and signed
 # zeros only, and every bound is watched for NaN before it meets one (see sensitivity.validity). The
@@ -21,13 +18,13 @@ _INLINE = {
     "return fmax(x, y);": "return x > y ? x : y;",
     "floor(": "wb_floor(",
 }
-_FLOOR = """\
+FLOOR = """\
 static double wb_floor(double x) {
   const double shift = 6755399441055744.0, nearest = (x + shift) - shift;
   return nearest > x ? nearest - 1.0 : nearest;
 }
 """
-_PRELUDE = """\
+PRELUDE = """\
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
@@ -40,20 +37,6 @@ _PRELUDE = """\
 #define WB_WIDE
 #endif
 """
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class KernelSizes:
-    """Capacities fixed at build time.
-
-    steps: most steps of a tube; step_max_s: longest step accepted, s;
-    merge_steps: steps after which a remainder box becomes columns of its own.
-    """
-
-    steps: int
-    step_max_s: float
-    merge_steps: int
 
 
 def function_text(functions: Sequence[ca.Function]) -> str:
@@ -69,41 +52,9 @@ def function_text(functions: Sequence[ca.Function]) -> str:
     return text
 
 
-def tube_source(
-    steps: StepFunctions, region: Box, sizes: KernelSizes, *, extra: Sequence[ca.Function] = ()
-) -> str:
-    """Complete C text of `wb_tube` for one model; `extra` Functions are emitted beside its own."""
-    functions = [
-        *steps.driver_rows,
-        *steps.relaxations,
-        steps.bounds,
-        steps.advance,
-        steps.remainder,
-    ]
-    if steps.relaxations:
-        functions.append(steps.enclose)
-    functions += extra
-    _require_dense(functions)
-    tables = _tables(steps, region, sizes)
-    return "\n".join(
-        [
-            _FLOOR,
-            function_text(functions),
-            _PRELUDE,
-            work_macro(functions),
-            tables,
-            c_text("tube.c"),
-        ]
-    )
-
-
-def _require_dense(functions: Sequence[ca.Function]) -> None:
-    """The C loop reads whole rows; only the two matrices are passed by their nonzeros."""
-    for function in functions:
-        for name in function.name_out():
-            sparsity = function.sparsity_out(name)
-            if name not in ("transition", "by_exogenous") and not sparsity.is_dense():
-                raise InputError(f"{function.name()} packs its output {name!r}; make it dense")
+def wide(text: str) -> str:
+    """The same functions with a second copy each for wider registers; the bits stay the same."""
+    return re.sub(r"static int (casadi_f[0-9]+)\(", r"WB_WIDE static int \1(", text)
 
 
 def work_macro(functions: Sequence[ca.Function]) -> str:
@@ -116,58 +67,7 @@ def c_text(name: str) -> str:
     return (files("workbench.codegen") / "c" / name).read_text()
 
 
-def _tables(steps: StepFunctions, region: Box, sizes: KernelSizes) -> str:
-    ode, form = steps.form.ode, steps.form
-    n, n_w, n_k = ode.x.numel(), ode.w.numel(), form.kappa.numel()
-    phi, by_v = steps.advance.sparsity_out("transition"), steps.advance.sparsity_out("by_exogenous")
-    columns = n * (sizes.steps // sizes.merge_steps + 2) + (n_w + n_k) * sizes.steps
-    macros = {
-        "N": n, "NP": ode.p.numel(), "NC": len(form.constants), "NP_ALL": form.p.numel(), "NW": n_w,
-        "NK": n_k, "NV": n_w + n_k, "STEPS": sizes.steps, "MERGE": sizes.merge_steps,
-        "COLUMNS": columns, "PHI_NNZ": phi.nnz(), "BY_V_NNZ": by_v.nnz(),
-        "PICARD_TRIALS": PICARD_TRIALS, "SIZES": 1 + steps.bounds.numel_out("sizes"),
-    }  # fmt: skip
-    lines = [f"#define WB_{name} {value}" for name, value in macros.items()]
-    lines.append(f"#define WB_STEP_MAX {sizes.step_max_s.hex()}")
-    for name, sparsity in (("phi", phi), ("by_v", by_v)):
-        rows, cols = sparsity.get_triplet()
-        lines += [_table(f"{name}_row", rows, "int"), _table(f"{name}_col", cols, "int")]
-    lines.append(_map_columns(phi))
-    feeds = [any(r != c == i for r, c in zip(*phi.get_triplet(), strict=True)) for i in range(n)]
-    lines += [
-        _table("feeds", feeds, "int"),
-        _table("constants", form.constants),
-        _table("region_lower", region.lower),
-        _table("region_upper", region.upper),
-        "typedef int (*wb_function)(const double **, double **, casadi_int *, double *, int);",
-    ]
-    for table, functions in (
-        ("driver_rows", steps.driver_rows),
-        ("relaxations", steps.relaxations),
-    ):
-        if functions:
-            names = ", ".join(function.name() for function in functions)
-            lines.append(f"static const wb_function wb_{table}[] = {{{names}}};")
-    return "\n".join(lines)
-
-
-def _map_columns(phi: ca.Sparsity) -> str:
-    """to = Phi from for `count` columns, unrolled over the nonzeros; columns are independent."""
-    n = phi.size1()
-    terms: list[list[str]] = [[] for _ in range(n)]
-    rows, cols = phi.get_triplet()
-    for k, (row, col) in enumerate(zip(rows, cols, strict=True)):
-        terms[row].append(f"phi[{k}] * v{col}")
-    loads = [f"    const double v{i} = from[{i} * WB_COLUMNS + c];" for i in range(n)]
-    stores = [f"    to[{i} * WB_COLUMNS + c] = {' + '.join(terms[i]) or '0.0'};" for i in range(n)]
-    return "\n".join([
-        "WB_WIDE static void",
-        "wb_map_columns(const double *restrict phi, const double *restrict from,",
-        "                           double *restrict to, int count) {", "  int c;",
-        "  for (c = 0; c < count; ++c) {", *loads, *stores, "  }", "}",
-    ])  # fmt: skip
-
-
-def _table(name: str, values: Sequence[float], kind: str = "double") -> str:
+def table(name: str, values: Iterable[float], kind: str = "double") -> str:
+    """A constant C array wb_`name`; one 0 where there are no values."""
     texts = [str(int(v)) if kind == "int" else float(v).hex() for v in values] or ["0"]
     return f"static const {kind} wb_{name}[] = {{{', '.join(texts)}}};"

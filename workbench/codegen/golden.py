@@ -7,7 +7,7 @@ from array import array
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from workbench.codegen.tube_kernel import exported_size
+from workbench.codegen.native_calls import exported_size
 from workbench.models.system import Ode
 from workbench.runtime.manifest import Field, Golden, Kernel
 from workbench.runtime.native import NativeKernel

@@ -21,14 +21,22 @@ from workbench.reach.local import (
     LocalMetric,
     LocalNorm,
 )
+from workbench.reach.person_clearance import Cause, Nearest, nearest_people
 from workbench.reach.sampled_data.tube import SampledTube
-from workbench.reach.sensitivity_tube import SensitivityTube
-from workbench.reach.separation import PathGround, PlaneGround, Separation, check_separation
+from workbench.reach.separation import (
+    Comparison,
+    PathGround,
+    PlaneGround,
+    Separation,
+    check_separation,
+)
 from workbench.reach.switching.tube import Switched
 from workbench.reach.tube import KinkRecord, ReachTube, TubeStatus
 from workbench.reach.validated.tube import ValidatedTube
 
 __all__ = [
+    "Cause",
+    "Comparison",
     "Encounter",
     "Finding",
     "FindingEffort",
@@ -43,6 +51,7 @@ __all__ = [
     "LocalMethod",
     "LocalMetric",
     "LocalNorm",
+    "Nearest",
     "Outcome",
     "Partitioned",
     "PathGround",
@@ -50,7 +59,6 @@ __all__ = [
     "ReachTube",
     "SampledTube",
     "SearchEffort",
-    "SensitivityTube",
     "Separation",
     "Switched",
     "TubeMethod",
@@ -61,6 +69,7 @@ __all__ = [
     "compute_tube",
     "explain_separation",
     "inner_hull",
+    "nearest_people",
     "proved_ratio",
     "spread_certificate",
     "tube_certificate",

@@ -15,8 +15,9 @@ typedef struct {
 
 /* Hull of the curvature over [from, to]; 0 when the table does not cover it. */
 static int wb_curvature(const wb_path *path, double from, double to, double *low, double *high) {
-  const double first = (from - path->start) / path->spacing;
-  const double last = (to - path->start) / path->spacing;
+  /* A hair more, so that rounding cannot choose the bin beside. */
+  const double first = (from - path->start) / path->spacing - 1e-9;
+  const double last = (to - path->start) / path->spacing + 1e-9;
   int j;
   if (!(first >= 0.0 && last <= path->count - 1 && first <= last)) return 0;
   *low = HUGE_VAL;
@@ -45,6 +46,10 @@ static int wb_sane_query(const double *q) {
   for (i = 0; i < WB_NW; ++i) {
     if (!(q[WB_Q_DISTURBANCE_LOWER + i] <= q[WB_Q_DISTURBANCE_UPPER + i])) return 0;
   }
+  for (i = 0; i < WB_NP; ++i) {
+    const double p = q[WB_Q_PARAMETERS + i];
+    if (!(p >= wb_p_lower[i] && p <= wb_p_upper[i])) return 0;
+  }
   for (i = 0; i < (int)people; ++i) {
     for (j = 4; j < 7; ++j) {
       if (!(q[WB_Q_PEOPLE + 7 * i + j] >= 0.0)) return 0;
@@ -53,20 +58,22 @@ static int wb_sane_query(const double *q) {
   return 1;
 }
 
-/* Sets the disturbance ranges of the next step; the stations reached lie in [*from, *to]. */
-static int wb_disturb(wb_set *s, const double *q, const wb_path *path, double *from, double *to) {
-  const double h = WB_STEP, v_low = s->x[WB_SPEED] - s->r[WB_SPEED];
-  const double v_high = s->x[WB_SPEED] + s->r[WB_SPEED];
+/* Sets the disturbance ranges of the next step of length h; the stations reached lie in
+ * [*from, *to]. */
+static int wb_disturb_along(wb_set *s, const double *q, const wb_path *path, double h, double *from,
+                            double *to) {
+  const double slow = wb_min(s->now->lower[WB_SPEED], 0.0);
+  const double fast = wb_max(s->now->upper[WB_SPEED], 0.0);
   double low, high;
   int i;
-  *from = s->x[WB_STATION] - s->r[WB_STATION] + WB_REACH * h * (v_low < 0.0 ? v_low : 0.0) - WB_SLACK;
-  *to = s->x[WB_STATION] + s->r[WB_STATION] + WB_REACH * h * (v_high > 0.0 ? v_high : 0.0) + WB_SLACK;
+  *from = s->now->lower[WB_STATION] + WB_REACH * h * slow - WB_SLACK;
+  *to = s->now->upper[WB_STATION] + WB_REACH * h * fast + WB_SLACK;
   for (i = 0; i < WB_NW; ++i) {
     low = q[WB_Q_DISTURBANCE_LOWER + i];
     high = q[WB_Q_DISTURBANCE_UPPER + i];
     if (i == WB_CURVATURE && !wb_curvature(path, *from, *to, &low, &high)) return 0;
-    s->w_mid[i] = (low + high) / 2;
-    s->w_rad[i] = wb_radius(low, high);
+    if (!(low >= wb_w_lower[i] && high <= wb_w_upper[i])) return 0;
+    wb_disturb(s, i, low, high);
   }
   return 1;
 }
@@ -80,12 +87,12 @@ static int wb_cover(const double *q, const wb_path *path, const double *lower, c
   const double high[] = {upper[WB_STATION], upper[WB_OFFSET], upper[WB_HEADING_ERROR]};
   const double node[] = {path->start + j * path->spacing, path->x[j], path->y[j], path->heading[j]};
   const double body[] = {q[WB_Q_FRONT_M], q[WB_Q_REAR_M], q[WB_Q_HALF_WIDTH_M]};
-  double curvature[2], ok = 0.0;
+  double curvature[2], ok = 0.0, scratch[WB_SCRATCH];
   const double *arg[] = {low, high, node, curvature, body};
   double *res[] = {rectangle, &ok};
   const double from = low[0] < node[0] ? low[0] : node[0], to = high[0] > node[0] ? high[0] : node[0];
   if (!wb_curvature(path, from, to, curvature, curvature + 1)) return 0;
-  return !wb_call(wb_occupancy, arg, res) && ok == 1.0;
+  return !wb_occupancy(arg, res, 0, scratch, 0) && ok == 1.0;
 }
 
 /* Keeps the smallest clearance; 0 when a clearance could not be computed. */
@@ -93,10 +100,10 @@ static int wb_keep_clear(const double *q, double *r, const double *rectangle, in
   const double start = k * WB_STEP, end = (k + 1) * WB_STEP;
   int i;
   for (i = 0; i < (int)q[WB_Q_PEOPLE_COUNT]; ++i) {
-    double clearance, ok = 0.0;
+    double clearance, ok = 0.0, scratch[WB_SCRATCH];
     const double *arg[] = {rectangle, q + WB_Q_PEOPLE + 7 * i, &start, &end};
     double *res[] = {&clearance, &ok};
-    if (wb_call(wb_clearance, arg, res) || !(ok == 1.0)) return 0;
+    if (wb_clearance(arg, res, 0, scratch, 0) || !(ok == 1.0)) return 0;
     if (!(clearance >= r[WB_R_CLEARANCE_M])) {
       r[WB_R_CLEARANCE_M] = clearance;
       r[WB_R_CLEARANCE_TIME_S] = start;
@@ -106,20 +113,27 @@ static int wb_keep_clear(const double *q, double *r, const double *rectangle, in
   return 1;
 }
 
-static int wb_decide_step(wb_set *s, const double *q, const wb_path *path, double *r, int k) {
-  double lower_at[WB_N], upper_at[WB_N], from, to;
+/* One row of the tube, in WB_SUBSTEPS steps of integration. */
+static int wb_decide_row(wb_set *s, const double *q, const wb_path *path, double *r, int k) {
+  const double h = WB_STEP / WB_SUBSTEPS;
   double *lower = r + WB_R_TUBE_LOWER + k * WB_N, *upper = r + WB_R_TUBE_UPPER + k * WB_N;
   double *rectangle = r + WB_R_OCCUPANCY + 5 * k;
-  int i, status;
-  if (!wb_disturb(s, q, path, &from, &to)) return WB_LEFT_REGION;
-  for (i = 0; i < WB_N; ++i) {
-    lower_at[i] = s->x[i] - s->r[i];
-    upper_at[i] = s->x[i] + s->r[i];
+  int i, j, status;
+  for (j = 0; j < WB_SUBSTEPS; ++j) {
+    double low[WB_N], high[WB_N], from, to;
+    if (!wb_disturb_along(s, q, path, h, &from, &to)) return WB_LEFT_REGION;
+    if (k == 0 && j == 0 && wb_prepare(s) != WB_COMPLETE) return WB_NO_ENCLOSURE;
+    status = wb_step(s, h);
+    if (status != WB_COMPLETE) return status;
+    if (!(s->box_lower[WB_STATION] >= from && s->box_upper[WB_STATION] <= to)) return WB_NO_ENCLOSURE;
+    wb_segment(s, low, high);
+    for (i = 0; i < WB_N; ++i) {
+      lower[i] = j ? wb_min(lower[i], low[i]) : low[i];
+      upper[i] = j ? wb_max(upper[i], high[i]) : high[i];
+    }
+    status = wb_commit(s);
+    if (status != WB_COMPLETE) return status;
   }
-  status = wb_step(s, WB_STEP, k);
-  if (status != WB_COMPLETE) return status;
-  if (!(s->box_lower[WB_STATION] >= from && s->box_upper[WB_STATION] <= to)) return WB_NO_ENCLOSURE;
-  wb_segment(s, lower_at, upper_at, lower, upper);
   if (!wb_cover(q, path, lower, upper, rectangle)) return WB_NO_ENCLOSURE;
   return wb_keep_clear(q, r, rectangle, k) ? WB_COMPLETE : WB_NO_ENCLOSURE;
 }
@@ -147,8 +161,8 @@ int wb_decide(const double *query, double *result, double *work) {
   path.high = query + WB_Q_PATH_CURVATURE_UPPER;
   wb_start(&s, query + WB_Q_INITIAL_CENTER, query + WB_Q_INITIAL_RADIUS, query + WB_Q_PARAMETERS,
            work);
-  for (k = 0; k < WB_STEPS; ++k) {
-    status = wb_decide_step(&s, query, &path, result, k);
+  for (k = 0; k < WB_ROWS; ++k) {
+    status = wb_decide_row(&s, query, &path, result, k);
     if (status != WB_COMPLETE) break;
   }
   result[WB_R_STATUS] = status;

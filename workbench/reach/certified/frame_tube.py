@@ -63,7 +63,7 @@ class FrameTube:
     solution takes this many second-order Taylor steps in it; condition_max: beyond it the frame is
     orthogonalised anew. Rigor ENCLOSED: all bounds are rounded outward, remainders are bounded over
     verified sets. Ends early, with a status, where no a priori box is found. Wider than
-    `SensitivityTube` for large sets; its steps can be certified (`certificate.tube_certificate`).
+    `ValidatedTube` for large sets; its steps can be certified (`certificate.tube_certificate`).
     Source: Lohner, Computing enclosures for the solutions of ordinary initial and boundary value
     problems, 1987; Kapela and Zgliczynski, DCDS-B 11(2), 2009.
     """

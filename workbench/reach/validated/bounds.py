@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 
 from workbench.models.system import Ode
-from workbench.reach.derivatives import derivatives
 from workbench.reach.validated.algebra import Array
+from workbench.sensitivity.derivatives import derivatives
 from workbench.sensitivity.inclusion import inclusion
 from workbench.sensitivity.kinks import RelaxedForm, SmoothForm, relax, smooth_form
 
