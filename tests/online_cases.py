@@ -18,7 +18,7 @@ from workbench.bench.pressing import pressing_inputs
 from workbench.bench.random_loops import RandomLoop
 from workbench.bench.taylor import taylor_field
 from workbench.codegen import online_tube
-from workbench.codegen.online_source import OnlineSizes, online_source
+from workbench.codegen.online_source import OnlineSizes, tube_source
 from workbench.codegen.online_tube import OnlineTube
 from workbench.models import Ode, Ranged, System
 from workbench.reach import ReachTube
@@ -173,9 +173,9 @@ def compiled(functions: OnlineFunctions, *, steps: int, edit: Edit | None = None
     sizes = OnlineSizes(steps, functions.ranges.step_max_s)
     if edit is None:
         return OnlineTube(functions, sizes, flags=QUICK)
-    whole = online_source
+    whole = tube_source
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(online_tube, "online_source", lambda *a, **k: edit(whole(*a, **k)))
+        patch.setattr(online_tube, "tube_source", lambda *a, **k: edit(whole(*a, **k)))
         return OnlineTube(functions, sizes, flags=QUICK)
 
 

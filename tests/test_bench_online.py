@@ -32,7 +32,7 @@ from workbench.bench.tightness import Samples
 from workbench.claims import Rigor
 from workbench.cli.bench_online import BEGIN, END, online_page
 from workbench.cli.main import main
-from workbench.codegen.online_source import online_source
+from workbench.codegen.online_source import tube_source
 from workbench.errors import InputError
 from workbench.models.benchmarks import b1_small, b2
 from workbench.reach import ReachTube, TubeStatus
@@ -197,13 +197,13 @@ def test_generated_code_has_the_bits_of_its_expressions(form: Form) -> None:
 
 
 def test_a_changed_last_bit_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    source = online_source
+    source = tube_source
 
     def changed(*args: object, **options: object) -> str:
         text = source(*args, **options)  # type: ignore[arg-type]
         return re.sub(r"=\((a\d+)\+(a\d+)\);", r"=(\1+\2)*(1.0+0x1p-52);", text)
 
-    monkeypatch.setattr(online_agreement, "online_source", changed)
+    monkeypatch.setattr(online_agreement, "tube_source", changed)
     benchmark = b1_small()
     functions = kernel_functions(benchmark, "local", Form.LINEAR)
     found = agreement(benchmark, functions, inputs=100, seed=3)

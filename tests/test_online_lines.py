@@ -20,7 +20,7 @@ from tube_cases import Array
 
 from workbench.codegen.compiler import compile_shared
 from workbench.codegen.native_calls import load_function
-from workbench.codegen.online_source import OnlineSizes, online_source
+from workbench.codegen.online_source import OnlineSizes, tube_source
 from workbench.models.graph import graph_of
 from workbench.reach.online.model import emitted
 from workbench.reach.online.rounding import rounding_bounds
@@ -39,7 +39,7 @@ def _line(low: float, high: float, floor: float, ceiling: float) -> Array:
 def _line_entry() -> Callable[..., int]:
     found = functions("saturated", quadratic=False)
     region = found.ranges.states.reordered(found.model.ode.names)
-    source = online_source(found, region, OnlineSizes(4, 0.1))
+    source = tube_source(found, region, OnlineSizes(4, 0.1))
     source += (
         "\nint line_of(const double *in, double *out, double *work) "
         "{ (void)work; wb_line(in[0], in[1], in[2], in[3], out); return 0; }\n"

@@ -13,7 +13,7 @@ import numpy as np
 from workbench.bench.online_kernels import cells_of, operating_region
 from workbench.codegen.compiler import FLAGS, compile_shared
 from workbench.codegen.native_calls import exported_size, load_function
-from workbench.codegen.online_source import OnlineSizes, online_source
+from workbench.codegen.online_source import OnlineSizes, tube_source
 from workbench.models.benchmarks import Benchmark
 from workbench.reach.online.functions import OnlineFunctions
 from workbench.reach.tube import Array
@@ -54,7 +54,7 @@ def agreement(
     numbers among them.
     """
     source = "\n".join([
-        online_source(
+        tube_source(
             functions, operating_region(benchmark).reordered(benchmark.system.ode.names),
             OnlineSizes(_STEPS, functions.ranges.step_max_s),
         ),

@@ -25,6 +25,8 @@ from workbench.sets import Box
 
 PATH_NODES = 128
 PEOPLE = 32
+MOST_TUBES = 9
+"""Tubes of one decision: of the whole initial set and of the cells it is cut into."""
 SUBSTEPS = 2
 """Steps of integration for one row of the result."""
 # Stations that a step may reach: this many times the fastest speed times the step, and some slack
@@ -71,10 +73,11 @@ def decision_source(ode: Ode, region: Box, *, steps: int, step_s: float) -> str:
     query, result = decision_layout(ode, steps)
     names, w_names = ode.names, [d.name for d in ode.disturbances]
     macros: dict[str, object] = {
-        "STATION": names.index("station"), "OFFSET": names.index("offset"),
+        "STATION": names.index("station"),
         "SPEED": names.index("speed"), "HEADING_ERROR": names.index("heading_error"),
         "CURVATURE": w_names.index("curvature"), "STEP": step_s.hex(), "ROWS": steps,
-        "SUBSTEPS": SUBSTEPS, "REACH": _REACH, "SLACK": _SLACK_M, "NODES": PATH_NODES,
+        "SUBSTEPS": SUBSTEPS, "TUBES": MOST_TUBES, "OFFSET_STATE": names.index("offset"),
+        "REACH": _REACH, "SLACK": _SLACK_M, "NODES": PATH_NODES,
         "PEOPLE": PEOPLE, "NO_CLEARANCE": NO_CLEARANCE_M,
         "QUERY_SIZE": query[-1].offset + query[-1].count,
         "RESULT_SIZE": result[-1].offset + result[-1].count,

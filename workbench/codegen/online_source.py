@@ -44,7 +44,10 @@ def online_source(
     *,
     extra: Sequence[ca.Function] = (),
 ) -> str:
-    """Complete C text of `wb_tube` for one model; `extra` Functions are emitted beside its own."""
+    """C text of `wb_tube` for one model; `extra` Functions are emitted beside its own.
+
+    Whoever completes it defines `wb_work_size`, from the static `wb_tube_work`.
+    """
     if _columns(functions, sizes) > _MOST_COLUMNS:
         raise InputError(
             f"expected at most {_MOST_COLUMNS} columns, {sizes.steps} steps of this model can make "
@@ -70,6 +73,12 @@ def _tables(functions: OnlineFunctions, region: Box, sizes: OnlineSizes) -> str:
         _map_columns(phi), _map_sizes(phi), _map_pairs(phi, len(functions.pairs)),
         _sums(n, len(functions.pairs)),
     ])  # fmt: skip
+
+
+def tube_source(functions: OnlineFunctions, region: Box, sizes: OnlineSizes) -> str:
+    """Complete C text of `wb_tube` alone."""
+    end = "\nlong long wb_work_size(void) { return wb_tube_work(); }\n"
+    return online_source(functions, region, sizes) + end
 
 
 def _columns(functions: OnlineFunctions, sizes: OnlineSizes) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 from workbench.claims import Rigor
 from workbench.codegen.compiler import FLAGS, compile_shared
 from workbench.codegen.native_calls import exported_size, load_function
-from workbench.codegen.online_source import OnlineSizes, online_source
+from workbench.codegen.online_source import OnlineSizes, tube_source
 from workbench.errors import InputError
 from workbench.models.system import Ode, System
 from workbench.reach.online.budget import Ranges
@@ -60,7 +60,7 @@ class OnlineTube:
                 "states of them"
             )
         self.region = functions.ranges.states.reordered(self.ode.names)
-        self.source = online_source(functions, self.region, sizes)
+        self.source = tube_source(functions, self.region, sizes)
         self.sizes = sizes
         self.shared_object = compile_shared(self.source, flags=flags).shared_object
         self._entry = load_function(self.shared_object, "wb_tube")

@@ -1,5 +1,9 @@
 /* One decision: the tube along the path, the ground it covers, and its clearance from people.
  *
+ * When the tube of the whole initial set proves too little, the set is cut into cells, the worst first,
+ * until all are proved or WB_TUBES tubes have been computed; what is not proved by then counts as
+ * unproved. Cells overlap by rounding and cover the set.
+ *
  * Offsets WB_Q_... and WB_R_... are generated from the bundle's layout. The curvature enters as a
  * disturbance in the hull of the path's bins over the stations that a step can reach; whether the tube
  * stayed within these stations is checked after the step.
@@ -83,8 +87,8 @@ static int wb_cover(const double *q, const wb_path *path, const double *lower, c
   const double middle = (lower[WB_STATION] + upper[WB_STATION]) / 2;
   const double place = (middle - path->start) / path->spacing + 0.5;
   const int j = place < 0.0 ? 0 : place > path->count - 1 ? path->count - 1 : (int)place;
-  const double low[] = {lower[WB_STATION], lower[WB_OFFSET], lower[WB_HEADING_ERROR]};
-  const double high[] = {upper[WB_STATION], upper[WB_OFFSET], upper[WB_HEADING_ERROR]};
+  const double low[] = {lower[WB_STATION], lower[WB_OFFSET_STATE], lower[WB_HEADING_ERROR]};
+  const double high[] = {upper[WB_STATION], upper[WB_OFFSET_STATE], upper[WB_HEADING_ERROR]};
   const double node[] = {path->start + j * path->spacing, path->x[j], path->y[j], path->heading[j]};
   const double body[] = {q[WB_Q_FRONT_M], q[WB_Q_REAR_M], q[WB_Q_HALF_WIDTH_M]};
   double curvature[2], ok = 0.0, scratch[WB_SCRATCH];
@@ -95,8 +99,16 @@ static int wb_cover(const double *q, const wb_path *path, const double *lower, c
   return !wb_occupancy(arg, res, 0, scratch, 0) && ok == 1.0;
 }
 
+/* A part of the initial set and what its tube proves. */
+typedef struct {
+  double center[WB_N], radius[WB_N];
+  double clearance, time, person;
+  double *lower, *upper; /* rows of the tube */
+  int status, rows, cut;
+} wb_cell;
+
 /* Keeps the smallest clearance; 0 when a clearance could not be computed. */
-static int wb_keep_clear(const double *q, double *r, const double *rectangle, int k) {
+static int wb_keep_clear(const double *q, wb_cell *cell, const double *rectangle, int k) {
   const double start = k * WB_STEP, end = (k + 1) * WB_STEP;
   int i;
   for (i = 0; i < (int)q[WB_Q_PEOPLE_COUNT]; ++i) {
@@ -104,20 +116,19 @@ static int wb_keep_clear(const double *q, double *r, const double *rectangle, in
     const double *arg[] = {rectangle, q + WB_Q_PEOPLE + 7 * i, &start, &end};
     double *res[] = {&clearance, &ok};
     if (wb_clearance(arg, res, 0, scratch, 0) || !(ok == 1.0)) return 0;
-    if (!(clearance >= r[WB_R_CLEARANCE_M])) {
-      r[WB_R_CLEARANCE_M] = clearance;
-      r[WB_R_CLEARANCE_TIME_S] = start;
-      r[WB_R_CLEARANCE_PERSON] = i;
+    if (!(clearance >= cell->clearance)) {
+      cell->clearance = clearance;
+      cell->time = start;
+      cell->person = i;
     }
   }
   return 1;
 }
 
 /* One row of the tube, in WB_SUBSTEPS steps of integration. */
-static int wb_decide_row(wb_set *s, const double *q, const wb_path *path, double *r, int k) {
+static int wb_decide_row(wb_set *s, const double *q, const wb_path *path, wb_cell *cell, int k) {
   const double h = WB_STEP / WB_SUBSTEPS;
-  double *lower = r + WB_R_TUBE_LOWER + k * WB_N, *upper = r + WB_R_TUBE_UPPER + k * WB_N;
-  double *rectangle = r + WB_R_OCCUPANCY + 5 * k;
+  double *lower = cell->lower + k * WB_N, *upper = cell->upper + k * WB_N, rectangle[5];
   int i, j, status;
   for (j = 0; j < WB_SUBSTEPS; ++j) {
     double low[WB_N], high[WB_N], from, to;
@@ -135,16 +146,128 @@ static int wb_decide_row(wb_set *s, const double *q, const wb_path *path, double
     if (status != WB_COMPLETE) return status;
   }
   if (!wb_cover(q, path, lower, upper, rectangle)) return WB_NO_ENCLOSURE;
-  return wb_keep_clear(q, r, rectangle, k) ? WB_COMPLETE : WB_NO_ENCLOSURE;
+  return wb_keep_clear(q, cell, rectangle, k) ? WB_COMPLETE : WB_NO_ENCLOSURE;
+}
+
+static void wb_decide_cell(const double *q, const wb_path *path, wb_cell *cell, double *work) {
+  wb_set s;
+  cell->clearance = WB_NO_CLEARANCE;
+  cell->time = 0.0;
+  cell->person = -1.0;
+  cell->cut = 0;
+  cell->status = WB_COMPLETE;
+  wb_start(&s, cell->center, cell->radius, q + WB_Q_PARAMETERS, work);
+  for (cell->rows = 0; cell->rows < WB_ROWS; ++cell->rows) {
+    cell->status = wb_decide_row(&s, q, path, cell, cell->rows);
+    if (cell->status != WB_COMPLETE) return;
+  }
+}
+
+static int wb_proved(const double *q, const wb_cell *cell) {
+  return cell->status == WB_COMPLETE && cell->clearance >= q[WB_Q_CLEARANCE_REQUIRED_M];
+}
+
+/* The unproved cell with the least clearance, one without a complete tube before all others; -1 when
+ * every cell is proved. */
+static int wb_worst(const double *q, const wb_cell *cells, int count) {
+  int i, worst = -1;
+  double least = HUGE_VAL;
+  for (i = 0; i < count; ++i) {
+    const double value = cells[i].status == WB_COMPLETE ? cells[i].clearance : -HUGE_VAL;
+    if (cells[i].cut || wb_proved(q, cells + i)) continue;
+    if (worst < 0 || value < least) {
+      worst = i;
+      least = value;
+    }
+  }
+  return worst;
+}
+
+/* Where to cut: the axis whose radius is the largest share of the whole set's; -1 for a point. */
+static int wb_cut_axis(const wb_cell *whole, const wb_cell *cell) {
+  static const int axes[] = {WB_OFFSET_STATE, WB_SPEED, WB_HEADING_ERROR};
+  double most = 0.0;
+  int i, axis = -1;
+  for (i = 0; i < 3; ++i) {
+    const double share = whole->radius[axes[i]] > 0.0 ? cell->radius[axes[i]] / whole->radius[axes[i]] : 0.0;
+    if (share > most * 1.01) {
+      most = share;
+      axis = axes[i];
+    }
+  }
+  return axis;
+}
+
+/* Half of a cell, with a hair more than half of its radius. */
+static void wb_half(const wb_cell *cell, int axis, double side, wb_cell *half) {
+  const double center = cell->center[axis], radius = cell->radius[axis];
+  memcpy(half->center, cell->center, sizeof half->center);
+  memcpy(half->radius, cell->radius, sizeof half->radius);
+  half->center[axis] = center + side * (radius / 2);
+  half->radius[axis] = radius / 2 * (1 + 1e-15) + 4e-16 * (fabs(center) + radius);
+}
+
+/* Cuts cells until all are proved; returns how many there are, or 0 when they are not. */
+static int wb_partition(const double *q, const wb_path *path, wb_cell *cells, double *work) {
+  int count = 1, worst;
+  while ((worst = wb_worst(q, cells, count)) >= 0) {
+    const int axis = wb_cut_axis(cells, cells + worst);
+    if (axis < 0 || count + 2 > WB_TUBES) return 0;
+    wb_half(cells + worst, axis, -1.0, cells + count);
+    wb_half(cells + worst, axis, 1.0, cells + count + 1);
+    cells[worst].cut = 1;
+    wb_decide_cell(q, path, cells + count, work);
+    wb_decide_cell(q, path, cells + count + 1, work);
+    count += 2;
+  }
+  return count;
+}
+
+/* Hull of the rows of all cells that were not cut, in the first cell. */
+static void wb_merge(wb_cell *cells, int count) {
+  int i, k, first = 1;
+  for (i = 0; i < count; ++i) {
+    if (cells[i].cut) continue;
+    for (k = 0; k < WB_ROWS * WB_N; ++k) {
+      cells->lower[k] = first ? cells[i].lower[k] : wb_min(cells->lower[k], cells[i].lower[k]);
+      cells->upper[k] = first ? cells[i].upper[k] : wb_max(cells->upper[k], cells[i].upper[k]);
+    }
+    if (first || cells[i].clearance < cells->clearance) {
+      cells->clearance = cells[i].clearance;
+      cells->time = cells[i].time;
+      cells->person = cells[i].person;
+    }
+    first = 0;
+  }
+  cells->status = WB_COMPLETE;
+  cells->rows = WB_ROWS;
+}
+
+static int wb_report(const double *q, const wb_path *path, const wb_cell *cell, double *r) {
+  int k;
+  for (k = 0; k < cell->rows; ++k) {
+    if (!wb_cover(q, path, cell->lower + k * WB_N, cell->upper + k * WB_N, r + WB_R_OCCUPANCY + 5 * k)) return 0;
+  }
+  memcpy(r + WB_R_TUBE_LOWER, cell->lower, (size_t)cell->rows * WB_N * sizeof *r);
+  memcpy(r + WB_R_TUBE_UPPER, cell->upper, (size_t)cell->rows * WB_N * sizeof *r);
+  r[WB_R_CLEARANCE_M] = cell->clearance;
+  r[WB_R_CLEARANCE_TIME_S] = cell->time;
+  r[WB_R_CLEARANCE_PERSON] = cell->person;
+  r[WB_R_STATUS] = cell->status;
+  r[WB_R_STEPS_DONE] = cell->rows;
+  if (cell->status == WB_COMPLETE) r[WB_R_VERDICT] = wb_proved(q, cell) ? WB_SAFE : WB_UNPROVED;
+  return 1;
 }
 
 long long wb_query_size(void) { return WB_QUERY_SIZE; }
 long long wb_result_size(void) { return WB_RESULT_SIZE; }
 
+long long wb_work_size(void) { return wb_tube_work() + 2LL * WB_TUBES * WB_ROWS * WB_N; }
+
 int wb_decide(const double *query, double *result, double *work) {
+  wb_cell cells[WB_TUBES];
   wb_path path;
-  wb_set s;
-  int k, status = WB_COMPLETE;
+  int i, count;
   memset(result, 0, WB_RESULT_SIZE * sizeof *result);
   result[WB_R_VERDICT] = WB_INVALID;
   result[WB_R_STATUS] = WB_BAD_INPUT;
@@ -159,17 +282,22 @@ int wb_decide(const double *query, double *result, double *work) {
   path.heading = query + WB_Q_PATH_HEADING;
   path.low = query + WB_Q_PATH_CURVATURE_LOWER;
   path.high = query + WB_Q_PATH_CURVATURE_UPPER;
-  wb_start(&s, query + WB_Q_INITIAL_CENTER, query + WB_Q_INITIAL_RADIUS, query + WB_Q_PARAMETERS,
-           work);
-  for (k = 0; k < WB_ROWS; ++k) {
-    status = wb_decide_row(&s, query, &path, result, k);
-    if (status != WB_COMPLETE) break;
+  for (i = 0; i < WB_TUBES; ++i) {
+    cells[i].lower = work + wb_tube_work() + 2 * i * WB_ROWS * WB_N;
+    cells[i].upper = cells[i].lower + WB_ROWS * WB_N;
   }
-  result[WB_R_STATUS] = status;
-  result[WB_R_STEPS_DONE] = k;
-  if (status == WB_COMPLETE) {
-    const int clear = result[WB_R_CLEARANCE_M] >= query[WB_Q_CLEARANCE_REQUIRED_M];
-    result[WB_R_VERDICT] = clear ? WB_SAFE : WB_UNPROVED;
+  memcpy(cells->center, query + WB_Q_INITIAL_CENTER, sizeof cells->center);
+  memcpy(cells->radius, query + WB_Q_INITIAL_RADIUS, sizeof cells->radius);
+  wb_decide_cell(query, &path, cells, work);
+  if (!wb_report(query, &path, cells, result)) return 0;
+  if (wb_proved(query, cells)) return 0;
+  count = wb_partition(query, &path, cells, work);
+  if (!count) return 0;
+  wb_merge(cells, count);
+  if (!wb_report(query, &path, cells, result)) {
+    result[WB_R_VERDICT] = WB_INVALID;
+    result[WB_R_STATUS] = WB_NO_ENCLOSURE;
+    result[WB_R_STEPS_DONE] = 0.0;
   }
   return 0;
 }

@@ -823,7 +823,8 @@ static void wb_disturb(wb_set *s, int i, double low, double high) {
   s->w_rad[i] = radius;
 }
 
-long long wb_work_size(void) { return 2LL * WB_N * (WB_COLUMNS + WB_PAIRS); }
+/* Numbers of work memory that a tube needs. */
+static long long wb_tube_work(void) { return 2LL * WB_N * (WB_COLUMNS + WB_PAIRS); }
 
 static int wb_sane(const double *query, int *count) {
   const double *p = query + 2 * WB_N, *w = p + WB_NP;

@@ -30,8 +30,8 @@ _RULE = 4
 _OUTPUTS = (
     "curvature", "cubic", "quartic", "quintic", "taylor_x", "taylor_w", "bend_linear", "bend_rest",
     "second", "third", "second_bend", "response", "source_bend", "source_turn", "input_rate",
-    "input_response", "jump_rate", "grown", "grown_bend", "grown_small", "driver_curvature", "driver_third",
-    "driver_input", "driver_jump",
+    "input_response", "jump_rate", "grown", "grown_bend", "grown_small", "driver_curvature",
+    "driver_third", "driver_input", "driver_jump",
 )  # fmt: skip
 """What the majorant returns before `ok`, in the order in which the C loop reads it."""
 
