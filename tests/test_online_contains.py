@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from fractions import Fraction
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -28,9 +29,13 @@ from workbench.bench.random_loops import RandomLoop, random_loops
 from workbench.claims import Rigor
 from workbench.codegen.online_tube import OnlineTube
 from workbench.errors import InputError
-from workbench.models import Ranged
+from workbench.models import Ranged, system_from_casadi
 from workbench.models.benchmarks import all_benchmarks
 from workbench.reach import ReachTube, TubeStatus
+from workbench.reach.online.budget import Ranges
+from workbench.reach.online.enclosed import enclosed_functions
+from workbench.reach.online.functions import online_functions
+from workbench.reach.online.model import OnlineModel
 from workbench.sets import Box
 
 FORMS = (False, True)
@@ -186,6 +191,26 @@ def test_a_ranged_parameter_is_not_forgotten() -> None:
     except InputError:
         return
     assert tube.upper_at[-1, 0] >= np.exp(0.5)
+
+
+@pytest.mark.parametrize("limited", [False, True])
+def test_followed_axes_that_no_second_derivative_joins(limited: bool) -> None:
+    """x' = -x, alone or limited: the quadratic form has columns and no pairs, in both kernels."""
+    x = ca.SX.sym("x")
+    ode = system_from_casadi(x, ca.fmax(ca.fmin(-x, 0.95), -0.95) if limited else -x, ("x",))
+    start = Box.from_intervals({"x": (0.9, 1.1)})
+    values = np.array(OnlineModel.of(ode).form.parameter_values())
+    region = Box.from_intervals({"x": (-3.0, 3.0)})
+    ranges = Ranges(region, (values, values), (np.zeros(0), np.zeros(0)), 0.1)
+    for build in (online_functions, enclosed_functions):
+        tube = compiled(build(ode, ranges, quadratic=("x",)), steps=10).tube(
+            start, horizon_s=1.0, step_s=0.1
+        )
+        assert tube.status is TubeStatus.COMPLETE
+        rate = 0.95 if limited else 1.1
+        # The top: held by the limit until it is reached, then e-folding.
+        top = 0.95 * np.exp(-(1.0 - 0.15 / 0.95)) if limited else rate * np.exp(-1.0)
+        assert 0.0 <= tube.upper_at[-1, 0] - top < (0.05 if limited else 1e-6)
 
 
 @pytest.mark.campaign

@@ -38,7 +38,7 @@ from workbench.sets import Box
 _ANY_CURVATURE = PathFrame(-0.5, 0.5)
 # Every step is a row of the result and of the tables; memory and compile time follow.
 LONGEST_S = 60.0
-MOST_STEPS = 2000
+MOST_STEPS = 350
 # A station is a place along the path: the path table limits it, not the proof.
 _STATIONS_M = (-1e6, 1e6)
 

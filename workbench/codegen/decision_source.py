@@ -27,7 +27,7 @@ PATH_NODES = 128
 PEOPLE = 32
 MOST_TUBES = 9
 """Tubes of one decision: of the whole initial set and of the cells it is cut into."""
-SUBSTEPS = 2
+SUBSTEPS = 3
 """Steps of integration for one row of the result."""
 # Stations that a step may reach: this many times the fastest speed times the step, and some slack
 # for the path's curvature; the kernel verifies after the step that the tube stayed within them.

@@ -34,7 +34,7 @@ class OnlineSizes:
 
 
 # The loop covers the rounding of sums of so many columns.
-_MOST_COLUMNS = 2**13
+_MOST_COLUMNS = 2**14
 
 
 def online_source(

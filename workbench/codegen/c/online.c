@@ -45,7 +45,7 @@ enum wb_premise {
 typedef struct {
   double cubic[WB_L], quartic[WB_L], quintic[WB_L];
   double curvature[WB_L], taylor_x[WB_L], taylor_w[WB_L], bend_rest[WB_L], second[WB_L], third[WB_L];
-  double second_bend[WB_L], bend_linear[WB_L], response[WB_L], source_bend[WB_L], source_turn[WB_L];
+  double second_bend[WB_L], bend_linear[WB_L], response[WB_L], source_bend[WB_L], source_turn[WB_L], source_slip[WB_L], input_slip[WB_L];
   double input_rate[WB_L];
   double input_response[WB_L], jump_rate[WB_L], grown[WB_L], grown_bend[WB_L], grown_small[WB_L];
   double driver_curvature[WB_NK + 1], driver_third[WB_NK + 1], driver_input[WB_NK + 1];
@@ -115,7 +115,7 @@ static int wb_derive(wb_set *s, const double *x, double *g, double h, wb_derivat
   const double *arg[] = {x, s->p, s->w_mid, s->slope, s->offset, columns};
 #if WB_ENCLOSED
   double round[WB_HESSIAN + 1], ok = 0.0;
-#if WB_PAIRS > 0
+#if WB_M > 0
   double source[WB_N], bent[WB_N];
   double *res[] = {hessian, d->source, d->bent, round, source, bent, &ok};
 #else
@@ -135,7 +135,7 @@ static int wb_derive(wb_set *s, const double *x, double *g, double h, wb_derivat
   }
   if (wb_second(arg, res, 0, scratch, 0) || !(ok == 1.0)) return WB_NO_ENCLOSURE;
   for (i = 0; i < WB_HESSIAN; ++i) d->sizes[i] = (fabs(hessian[i]) + round[i]) * WB_UP;
-#if WB_PAIRS > 0
+#if WB_PAIRS > 0 /* without pairs there is no source to round */
   for (i = 0; i < WB_N; ++i) d->round[i] = (h * source[i] + h * h / 12 * bent[i]) * WB_UP;
 #else
   (void)h;
@@ -243,7 +243,7 @@ static int wb_driver_ranges(const wb_set *s, const wb_instant *t, double *g, con
   const double *arg[] = {t->x, s->p, s->w_mid, s->slope, s->offset, t->linear, t->rest, columns};
 #if WB_ENCLOSED
   double round[WB_NK], ok = 0.0;
-#if WB_PAIRS > 0
+#if WB_M > 0
   double *res[] = {middle, gradient, second, pairs, round, &ok};
 #else
   double *res[] = {middle, gradient, second, round, &ok};
@@ -373,8 +373,8 @@ static int wb_bound(wb_set *restrict s, const double *restrict need) {
                            have + WB_JUMP, s->p, s->w_mid, have + WB_SLOPE, have + WB_OFFSET};
     double *res[] = {b->curvature, b->cubic, b->quartic, b->quintic, b->taylor_x, b->taylor_w,
                      b->bend_linear, b->bend_rest, b->second, b->third, b->second_bend, b->response,
-                     b->source_bend, b->source_turn, b->input_rate, b->input_response,
-                     b->jump_rate, b->grown,
+                     b->source_bend, b->source_turn, b->source_slip, b->input_slip,
+                     b->input_rate, b->input_response, b->jump_rate, b->grown,
                      b->grown_bend, b->grown_small, b->driver_curvature, b->driver_third,
                      b->driver_input, b->driver_jump, &ok};
     s->bounded = !wb_majorant(arg, res, 0, scratch, 0) && ok == 1.0;
@@ -451,6 +451,7 @@ WB_WIDE static double wb_terms(wb_set *restrict s, wb_moves *restrict m, double 
   for (i = 0; i < WB_L; ++i) {
     const double source_bend = square * b->source_bend[i];
     const double tiny = (twelfth * (less[2] * b->grown_bend[i] + b->source_turn[i]) +
+                         half * (b->source_slip[i] + b->input_slip[i]) +
                          cube * b->input_response[i] + h5 * (square * b->response[i])) * WB_UP;
     const double constant = both * (quarter * b->second_bend[i] + less[0] * b->third[i]) * WB_UP;
     const double rate = wb_max(start[i], end[i]) + constant;

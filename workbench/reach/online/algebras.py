@@ -22,9 +22,8 @@ T = TypeVar("T")
 # Below this the size of a sine is not followed: sines carry absolute rounding errors, and budgets
 # are shares of sizes.
 _LEAST_SINE = 2.0**-12
-# Exponents of two: what is added to numbers from outside, and to results that may be below the
-# other.
-_FLOOR, _LEAST = -60, -480
+# Exponents of two: what is added to numbers from outside; below what a result gets the other added.
+_FLOOR, _LEAST, _DEEP = -60, -480, -300
 _LARGEST_ANGLE = 1.55
 
 
@@ -145,7 +144,7 @@ class Magnitudes:
             return value
         result = value * (1 + 2 * RELATIVE)
         if least < _LEAST:
-            result, least = result + 2.0**_FLOOR, _FLOOR
+            result, least = result + 2.0**_DEEP, _DEEP
         self._seen[result.element_hash()] = (result, result, least)
         return result
 

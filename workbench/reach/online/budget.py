@@ -23,6 +23,8 @@ from workbench.sensitivity.inclusion import inclusion
 from workbench.sets import Box
 
 _OFFSET = 4
+# The last step of a horizon may be longer than the others by rounding.
+_LAST = 1 + 1e-6
 
 
 @final
@@ -72,7 +74,7 @@ def budget_of(model: OnlineModel, ranges: Ranges, columns: tuple[int, ...], orde
     ]  # fmt: skip
     known = {(_OFFSET, k): (lines.low[k], lines.high[k]) for k in range(model.n_k)}
     advance = advance_function(model, order)
-    moved = [*point, (np.zeros(1), np.array([ranges.step_max_s]))]
+    moved = [*point, (np.zeros(1), np.array([ranges.step_max_s * _LAST]))]
     errors = rounding_bounds(advance, moved, sums=known)
     spread = (ranges.disturbances[1] - ranges.disturbances[0]) / 2
     v = np.concatenate([spread, lines.gap])

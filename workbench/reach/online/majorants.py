@@ -29,7 +29,8 @@ _RULE = 4
 
 _OUTPUTS = (
     "curvature", "cubic", "quartic", "quintic", "taylor_x", "taylor_w", "bend_linear", "bend_rest",
-    "second", "third", "second_bend", "response", "source_bend", "source_turn", "input_rate",
+    "second", "third", "second_bend", "response", "source_bend", "source_turn", "source_slip",
+    "input_slip", "input_rate",
     "input_response", "jump_rate", "grown", "grown_bend", "grown_small", "driver_curvature",
     "driver_third", "driver_input", "driver_jump",
 )  # fmt: skip
@@ -54,7 +55,8 @@ def majorant_function(
     the rest of w; second, third: coefficients of epsilon^2 and epsilon^3 of the field; second_bend:
     of t^2 epsilon^2 (quadratic form: without what is quadratic in `linear` alone); response: of t^5
     of V' = A V + 1/2 D2f[u, u] with u the flow of `linear`, source_bend its |V''| and source_turn
-    what |V''| changes by if states and linear part change by `jump` (quadratic form, else 0);
+    what |V''| changes by if states and linear part change by `jump`, source_slip what |V'| does
+    (quadratic form, else 0); input_slip: what |B| v changes by if states do;
     input_rate: |B| v; jump_rate: |B| w for the disturbances alone; input_response: t^3 of
     r' = A r + B v; grown, grown_bend: |A| guess and |d2/dt2| of its flow; grown_small: |A| small;
     driver_curvature |d''| / 2, driver_third (epsilon^3), driver_input |dd/dv| v, driver_jump: rate
@@ -73,6 +75,7 @@ def majorant_function(
                 _difference(a, b, upward=upward) for a, b in zip(whole, part, strict=True)
             ]
     outputs |= _input_response(model, s, numbers) | _growth(model, s, numbers)
+    outputs |= _input_slip(model, s, numbers)
     ok = ca.SX(1)
     for condition in numbers.conditions:
         ok = ok * condition
@@ -85,10 +88,11 @@ def majorant_function(
     )
 
 
+_SOURCE = ("source_bend", "source_turn", "source_slip")
+
+
 def _none(model: OnlineModel) -> dict[str, list[ca.SX | None]]:
-    return {
-        name: [None] * model.n for name in ("bend_linear", "response", "source_bend", "source_turn")
-    }
+    return {name: [None] * model.n for name in ("bend_linear", "response", *_SOURCE)}
 
 
 def _difference(whole: ca.SX | None, part: ca.SX | None, *, upward: bool) -> ca.SX | None:
@@ -191,21 +195,12 @@ def _quadratic_flow(
 def _source_turn(
     model: OnlineModel, s: MajorantInputs, numbers: Magnitudes
 ) -> dict[str, list[ca.SX | None]]:
-    """Derivative of V'' of the quadratic flow in the direction (jump, jump) of (x, linear)."""
+    """Derivatives of V' and V'' of the quadratic flow by (x, linear), along (jump, jump)."""
     n, duals = model.n, Duals(numbers)
-    jumps = elements(s.jump)
-    plain = seeds_of(model, s, numbers, elements(s.linear), None)
-    seeds = {
-        key: {
-            m: Dual(value, jumps[key[1]] if key[0] == 0 else ca.SX(0)) for m, value in terms.items()
-        }
-        for key, terms in plain.items()
-    }
-
-    def lower_bound(index: int, value: Dual) -> Dual:
-        return Dual(least_magnitude(model, s, index), value.along)
-
-    series = GraphSeries(model.graph, duals, seeds, lower_bound=lower_bound)
+    seeds = _duals(seeds_of(model, s, numbers, elements(s.linear), None), elements(s.jump))
+    for k, jump in enumerate(elements(s.jump)):
+        seeds[0, k][0, 1] = Dual(s.linear[k], jump)
+    series = _dual_series(model, s, duals, seeds)
     for i in range(2):
         for j in range(3):
             series.advance((i, j))
@@ -213,9 +208,51 @@ def _source_turn(
                 value = series.output(0, k).get((i, j))
                 if value is not None:
                     seeds[0, k][i + 1, j] = duals.over(value, i + 1)
-    bends = [seeds[0, k].get((2, 2)) for k in range(n)]
-    turns = [None if bend is None else bend.along for bend in bends]
-    return {"source_turn": _doubled(turns, numbers)}
+    turns, slips = (_along([seeds[0, k].get((i, 2)) for k in range(n)]) for i in (2, 1))
+    return {"source_turn": _doubled(turns, numbers), "source_slip": slips}
+
+
+def _input_slip(
+    model: OnlineModel, s: MajorantInputs, numbers: Magnitudes
+) -> dict[str, list[ca.SX | None]]:
+    """Derivative of B v by the states, along `jump`."""
+    n = model.n
+    if not model.n_v:
+        return {"input_slip": [None] * n}
+    seeds = _duals(seeds_of(model, s, numbers, None, elements(s.v)), elements(s.jump))
+    series = _dual_series(model, s, Duals(numbers), seeds)
+    series.advance((0, 0))
+    series.advance((0, 1))
+    return {"input_slip": _along([series.output(0, k).get((0, 1)) for k in range(n)])}
+
+
+def _duals(
+    plain: dict[tuple[int, int], Terms[ca.SX]], jumps: list[ca.SX]
+) -> dict[tuple[int, int], Terms[Dual]]:
+    """The same seeds; the states' values have `jumps` as their derivative."""
+    return {
+        key: {
+            m: Dual(value, jumps[key[1]] if key[0] == 0 and m == (0, 0) else ca.SX(0))
+            for m, value in terms.items()
+        }
+        for key, terms in plain.items()
+    }
+
+
+def _dual_series(
+    model: OnlineModel,
+    s: MajorantInputs,
+    duals: Duals,
+    seeds: dict[tuple[int, int], Terms[Dual]],
+) -> GraphSeries[Dual]:
+    def lower_bound(index: int, value: Dual) -> Dual:
+        return Dual(least_magnitude(model, s, index), value.along)
+
+    return GraphSeries(model.graph, duals, seeds, lower_bound=lower_bound)
+
+
+def _along(values: list[Dual | None]) -> list[ca.SX | None]:
+    return [None if value is None else value.along for value in values]
 
 
 def _input_response(
