@@ -97,7 +97,7 @@ def test_a_missing_vehicle_file_says_where_one_is(
         (["--step", "0.07"], "--step 0.07 = 42.8571 steps; give --horizon 3.01"),
         (["--step", "4"], "expected --step <= --horizon, got 4 s and 3 s; shorten the step"),
         (["--horizon", "1e5"], "--horizon: expected at most 60 s, got 100000"),
-        (["--horizon", "60"], "expected at most 2000 steps, got --horizon 60 / --step 0.025"),
+        (["--horizon", "60"], "expected at most 350 steps, got --horizon 60 / --step 0.025"),
     ],
 )
 def test_an_impossible_grid_is_refused(
@@ -132,7 +132,7 @@ def test_a_bundle_too_large_to_compile_is_refused_in_the_library_too(
 ) -> None:
     with pytest.raises(InputError, match="give"):
         MonitorSpec(gem_e2(), horizon_s, step_s)
-    assert MonitorSpec(gem_e2(), 50.0, 0.025).steps == 2000
+    assert MonitorSpec(gem_e2(), 8.75, 0.025).steps == 350
 
 
 def test_a_failed_compilation_leaves_no_folder(

@@ -220,10 +220,17 @@ def separate_files(args: argparse.Namespace, *options: str) -> None:
             )
 
 
-def command_line(command: str, args: argparse.Namespace, *, positional: Sequence[str] = ()) -> str:
+def command_line(
+    command: str,
+    args: argparse.Namespace,
+    *,
+    positional: Sequence[str] = (),
+    repeated: Sequence[str] = (),
+) -> str:
     """The command that makes the same result again, every option written out.
 
-    positional: the arguments that are given without an option, in their order.
+    positional: the arguments that are given without an option, in their order; repeated: those
+    whose option stands before every value.
     """
     words = ["workbench", command, *(str(getattr(args, name)) for name in positional)]
     for name, value in sorted(vars(args).items()):
@@ -231,7 +238,10 @@ def command_line(command: str, args: argparse.Namespace, *, positional: Sequence
         if value is None or value is False or name in ("json", *positional):
             continue
         values = value if isinstance(value, list) else [] if value is True else [value]
-        words += [option, *map(str, values)]
+        if name in repeated:
+            words += [word for each in values for word in (option, str(each))]
+        else:
+            words += [option, *map(str, values)]
     return shlex.join(words)
 
 

@@ -101,7 +101,7 @@ def write_files(args: argparse.Namespace, boards: Sequence[OnlineBoard], text: s
         write_page(args.plot, online_page(args, boards).html())
     if args.into is not None:
         before, after = _marked(args.into)
-        command = command_line("bench", args)
+        command = command_line("bench", args, repeated=("only", "board"))
         body = f"\n\nMade with\n\n```console\n$ {command}\n```\n\n```text\n{text}\n```\n\n"
         write_text(args.into, before + BEGIN + body + END + after)
 
@@ -149,7 +149,13 @@ def online_page(args: argparse.Namespace, boards: Sequence[OnlineBoard]) -> Page
         "wide they are, and how long they take.",
         f"{escapes} of {boards[0].trajectories} sampled trajectories per loop leave any tube.",
     ]
-    return Page("Online kernels", lead, sections, __version__, command_line("bench", args))
+    return Page(
+        "Online kernels",
+        lead,
+        sections,
+        __version__,
+        command_line("bench", args, repeated=("only", "board")),
+    )
 
 
 def _frontier(board: OnlineBoard) -> Frontier | None:
