@@ -19,7 +19,7 @@ Real = Any
 BITS = 2000
 _SMALL = 300
 
-_OPERATIONS: dict[str, Callable[..., Real]] = {
+OPERATIONS: dict[str, Callable[..., Real]] = {
     "add": lambda a, b: a + b,
     "sub": lambda a, b: a - b,
     "mul": lambda a, b: a * b,
@@ -55,7 +55,7 @@ class Truth:
             elif node.constant is not None:
                 values.append(flint.arb(node.constant))
             else:
-                values.append(_OPERATIONS[node.name](*[values[k] for k in node.operands]))
+                values.append(OPERATIONS[node.name](*[values[k] for k in node.operands]))
         field, drivers = ([values[k] for k in row] for row in self.model.graph.outputs)
         return field, drivers
 

@@ -9,6 +9,7 @@ import casadi as ca
 import flint
 import numpy as np
 import pytest
+from online_truth import OPERATIONS
 
 from workbench.models.benchmarks import b1, b2, b2_noise, b2_path
 from workbench.models.graph import graph_of
@@ -19,15 +20,7 @@ from workbench.reach.online.step import source_function
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 BENCHES = {"B1": b1, "B2": b2, "B2-path": b2_path, "B2-noise": b2_noise}
 _OPERATIONS: dict[str, Callable[..., Any]] = {
-    "add": lambda a, b: a + b,
-    "sub": lambda a, b: a - b,
-    "mul": lambda a, b: a * b,
-    "div": lambda a, b: a / b,
-    "inv": lambda a: 1 / a,
-    "neg": lambda a: -a,
-    "sq": lambda a: a * a,
-    "twice": lambda a: a + a,
-    "fabs": abs,
+    **OPERATIONS,
     "floor": lambda a: a.floor(),
     "fmin": lambda a, b: a.min(b),
     "fmax": lambda a, b: a.max(b),
