@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -107,3 +108,8 @@ def test_demo_runs_the_whole_chain(
     assert _names(out) == {"bundle", "report.html"}
     _is_offline_report(out / "report.html")
     load_bundle(out / "bundle")
+    page = (out / "report.html").read_text(encoding="utf-8")
+    (claim,) = re.findall(r"<li>(?:(?!<li>).)*?Monitor decisions, under", page)
+    # The bundle's tube is proved; the coordinates it is asked in are not, to the last bit.
+    assert "NUMERICAL" in claim
+    assert "ENCLOSED" not in claim

@@ -212,7 +212,7 @@ def _crossing(vehicle: Vehicle, bundle: Bundle) -> CrossingResult:
 
 
 def _report(found: _Findings) -> DemoReport:
-    from workbench.claims import Rigor
+    from workbench.claims import Rigor, weakest
     from workbench.cli.analysis_results import sampled_runs, tube_curves
     from workbench.report.demo import DemoReport
     from workbench.report.page import Claim
@@ -226,10 +226,12 @@ def _report(found: _Findings) -> DemoReport:
         f"{line[0].upper()}{line[1:]}.",
     )
     reach = f"Every trajectory from the initial set stays in the tube up to {tube.times[-1]:g} s."
+    # Not the bundle's own: where the car is on its path adds to what a decision rests on.
+    decided = weakest(*(Rigor[entry.rigor] for entry in found.crossing.entries))
     claims = (
         Claim(reach, tube.rigor),
         Claim(f"Learned bound ({found.learned.condition})", found.learned.rigor),
-        Claim("Monitor decisions, under the assumptions listed below", found.bundle.manifest.rigor),
+        Claim("Monitor decisions, under the assumptions listed below", decided),
         *(
             Claim(f"{name}: {curve.condition}", curve.rigor)
             for name, curve in zip(found.proved, examination.proved, strict=True)
