@@ -16,7 +16,8 @@ from workbench.errors import InputError
 from workbench.models import Ode, Ranged, Signal
 from workbench.models.benchmarks import b1
 from workbench.models.system import system_from_casadi
-from workbench.reach.online.enclosed import ORDER, OnlineFunctions, enclosed_functions
+from workbench.reach.online.enclosed import enclosed_functions
+from workbench.reach.online.functions import ORDER, OnlineFunctions
 from workbench.reach.online.model import emitted
 from workbench.reach.online.step import (
     advance_function,

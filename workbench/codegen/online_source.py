@@ -95,7 +95,7 @@ def _macros(
         "N": model.n, "L": _lanes(model.n), "NP": model.ode.p.numel(),
         "NC": len(model.form.constants), "NP_ALL": model.form.p.numel(), "NW": model.n_w,
         "NK": model.n_k, "NV": model.n_v, "M": columns, "PAIRS": len(functions.pairs),
-        "STEPS": sizes.steps, "ORDER": functions.order,
+        "STEPS": sizes.steps,
         "COLUMNS": _columns(functions, sizes),
         "HESSIAN": functions.second.numel_out("hessian"), "PHI_NNZ": transition,
         "ENCLOSED": int(functions.rounding is None),

@@ -438,7 +438,7 @@ WB_WIDE static double wb_terms(wb_set *restrict s, wb_moves *restrict m, double 
                                const double *restrict start, const double *restrict end,
                                const double *restrict less, double more, double room) {
   const wb_bounds *restrict b = &s->bounds;
-  const double h2 = h * h, h5 = h2 * h2 * h, high = WB_ORDER == 4 ? h5 : h5 * h;
+  const double h2 = h * h, h5 = h2 * h2 * h, high = h5 * h; /* of Taylor steps of order 5 */
   const double twelfth = h2 / 12, eighth = h2 / 8, quarter = h2 / 4, cube = h2 * h;
   const double third = h / 3, sixth = h / 6, half = h / 2;
   /* The bounds are homogeneous in what they were made for, of degree 1, 2 or 3. */

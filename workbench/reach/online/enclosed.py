@@ -16,7 +16,7 @@ from workbench.models.graph import graph_of
 from workbench.models.system import Ode
 from workbench.reach.online.balls import Ball, Balls, inputs_of
 from workbench.reach.online.budget import Ranges
-from workbench.reach.online.functions import OnlineFunctions, exact_limits
+from workbench.reach.online.functions import ORDER, OnlineFunctions, exact_limits
 from workbench.reach.online.majorants import majorant_function
 from workbench.reach.online.model import OnlineModel
 from workbench.reach.online.point_trig import PRINCIPAL_RAD
@@ -31,7 +31,6 @@ from workbench.reach.online.step import (
 )
 from workbench.sensitivity.validity import verbatim
 
-ORDER = 5
 # Covers the roundings of a sum of fewer than 2^11 products of non-negative doubles, relative, and
 # what underflows in it, absolute.
 _WIDER, _TINY = 1 + 2.0**-40, 2.0**-1000
@@ -194,7 +193,6 @@ def enclosed_functions(ode: Ode, ranges: Ranges, *, quadratic: tuple[str, ...]) 
         model=model,
         ranges=ranges,
         rounding=None,
-        order=ORDER,
         columns=columns,
         pairs=tuple(pairs_of(model, columns)) if columns else (),
         advance=enclosed_advance(model, ORDER, principal=principal),

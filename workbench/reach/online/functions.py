@@ -26,7 +26,8 @@ from workbench.reach.online.step import (
 # Measured on B1: below these shares of a state's radius a remainder's own column costs more than it
 # tightens.
 _FLUSH_SHARE = {False: 1e-3, True: 3e-4}
-_ORDER = {False: 5, True: 5}
+ORDER = 5
+"""Of the Taylor steps: the loop's remainder is of order 6."""
 
 
 @final
@@ -42,7 +43,6 @@ class OnlineFunctions:
     model: OnlineModel
     ranges: Ranges
     rounding: Budget | None
-    order: int
     columns: tuple[int, ...]
     pairs: tuple[tuple[int, int], ...]
     advance: ca.Function
@@ -90,21 +90,19 @@ def online_functions(ode: Ode, ranges: Ranges, *, quadratic: tuple[str, ...]) ->
     if unknown:
         raise InputError(f"expected states of {ode.names}, got {unknown}")
     columns = tuple(ode.names.index(name) for name in quadratic)
-    order = _ORDER[bool(columns)]
-    budget = budget_of(model, ranges, columns, order)
+    budget = budget_of(model, ranges, columns, ORDER)
     principal = budget.angle < PRINCIPAL_RAD
     return OnlineFunctions(
         model=model,
         ranges=ranges,
         rounding=budget,
-        order=order,
         columns=columns,
         pairs=tuple(pairs_of(model, columns)) if columns else (),
-        advance=emitted(advance_function(model, order), principal=principal),
+        advance=emitted(advance_function(model, ORDER), principal=principal),
         inputs=emitted(input_function(model), principal=principal) if model.n_v else None,
         second=emitted(second_function(model, columns), principal=principal),
         source=source_function(model),
-        majorant=majorant_function(model, order=order, upward=False, quadratic=bool(columns)),
+        majorant=majorant_function(model, order=ORDER, upward=False, quadratic=bool(columns)),
         drivers=emitted(driver_function(model, columns), principal=principal)
         if model.n_k
         else None,
