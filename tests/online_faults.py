@@ -46,7 +46,7 @@ TEXT_FAULTS = {
     "box at the start": TextFault(
         r"s->now->pending\[i\] \+ m->from_start\[i\]", "m->from_start[i]", "pendulum", False),
     "columns of the start": TextFault(
-        r"wb_sum_rows\(g, WB_M, t->columns", "wb_sum_rows(g, WB_M, WB_M", "pendulum", False),
+        r"WB_MS, s->now->columns, t->spread", "WB_MS, WB_MS, t->spread", "pendulum", False),
     "source of the quadratic term at the end": TextFault(
         r"half \* b1\[(\d+) \+ k\]", r"0.0 * b1[\1 + k]", "riccati", True),
     "source of the quadratic term at the start": TextFault(

@@ -245,8 +245,9 @@ def test_stack_that_is_touched_stays_below_the_bound() -> None:
     memory = online_memory(benchmark, CostCase(kernel, ONE, 1.0))
     if memory.stack_bound is None:
         pytest.skip("needs gcc's call graph")
-    # The frame of the harness function that calls is counted as touched.
-    assert 1000 < memory.stack_touched <= memory.stack_bound + 128
+    # What the harness's functions and the C library's memcpy and memset take is touched too, and
+    # not in the bound: a few registers and return addresses each.
+    assert 1000 < memory.stack_touched <= memory.stack_bound + 256
     assert memory.stack_touched > memory.stack_bound / 4
     assert memory.caller > 8 * 2 * 7 * 40
     if shutil.which("size") is not None:

@@ -59,7 +59,7 @@ def test_a_planted_fault_in_the_text_lets_a_run_escape(fault: TextFault) -> None
         ("second", "source", negated, "riccati", True),
         ("second", "bent_source", negated, "swinging", True),
         ("source", "rate", without, "riccati", False),
-        ("advance", "transition", without, "pendulum", False),
+        ("advance", "rates", without, "pendulum", False),
         ("drivers", "gradient", without, "saturated", False),
     ],
 )

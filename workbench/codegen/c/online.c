@@ -25,6 +25,8 @@ enum wb_status { WB_COMPLETE = 0, WB_LEFT_REGION = 1, WB_NO_ENCLOSURE = 2, WB_BA
 #define WB_AHEAD 3.0   /* and for a set that has moved on by so many steps */
 #define WB_PATIENCE 0.1 /* what guesses are widened by, more with every trial */
 #define WB_KINK_ROOM 0.004
+#define WB_FLUSH_STEP 0.05 /* up to which the share of WB_FLUSH_SHARE holds, in s */
+#define WB_LEAST 0x1p-900 /* what bounds are made for even where nothing is needed */
 
 /* What the bounds of a step are made for; every entry may only be larger than what the step needs. */
 enum wb_premise {
@@ -55,7 +57,7 @@ typedef struct {
 typedef struct {
   double sizes[WB_HESSIAN + 1];                               /* |D2g|, rounding included */
   double source[WB_N * WB_PAIRS + 1], bent[WB_N * WB_PAIRS + 1];
-  double round[WB_N];                                         /* of source and bent in Q's step */
+  double source_round[WB_N], bent_round[WB_N]; /* of source and bent, summed over the pairs */
 } wb_derivatives;
 
 typedef struct {
@@ -70,14 +72,18 @@ typedef struct {
   wb_instant instants[2], *now, *next;
   wb_derivatives derivatives[2], *at_start, *at_end;
   double *g, *g_next, *q, *q_next;
+  int source[WB_COLUMNS]; /* of a column: the state whose box it was, or WB_N + the input */
   double p[WB_NP_ALL + 1], w_mid[WB_NW + 1], w_rad[WB_NW + 1];
   double slope[WB_NK + 1], offset[WB_NK + 1], gap[WB_NK + 1];
   double range_low[WB_NK + 1], range_high[WB_NK + 1]; /* drivers, over the last step */
   double guess_low[WB_NK + 1], guess_high[WB_NK + 1];
   double floor[WB_NK + 1], ceiling[WB_NK + 1];
+  double at_low[2][WB_NK + 1], at_high[2][WB_NK + 1];  /* at its two ends */
+  int ranged;  /* at_low[0], at_high[0] belong to `now` and the current lines */
   int moved;   /* range_low, range_high are of a step that was done */
-  int derived; /* at_start belongs to now->x and the current lines */
+  int derived; /* at_start belongs to now->x, the current parameters and lines */
   int bounded; /* bounds follow from premise */
+  long spent;  /* steps attempted */
   double premise[WB_PREMISE];
   wb_bounds bounds;
   double bend[WB_L], slack[WB_L], guess[WB_L], jump[WB_L], small[WB_L], margin[WB_L], second[WB_L];
@@ -87,6 +93,10 @@ typedef struct {
 typedef struct {
   double phi[WB_PHI_NNZ + 1], inputs[2][WB_INPUT_NNZ + 1];
   double matrix[WB_PHI_NNZ + 1]; /* errors of phi, where they are known one by one */
+  double sizes[WB_N * WB_L];     /* |phi|, dense */
+#if WB_ENCLOSED
+  double errors[WB_N * WB_L];    /* matrix, dense */
+#endif
   double round[WB_L], from_start[WB_L], from_end[WB_L], added[WB_L], v[WB_NV + 1];
 } wb_moves;
 
@@ -110,23 +120,19 @@ static double wb_radius(double low, double high) {
 }
 
 /* Derivatives at x and what they make of the set's columns, with what rounding can change. */
-static int wb_derive(wb_set *s, const double *x, double *g, double h, wb_derivatives *d) {
+static int wb_derive(wb_set *s, const double *x, double *g, wb_derivatives *d) {
   double scratch[WB_SCRATCH], hessian[WB_HESSIAN + 1], columns[WB_N * WB_M + 1];
   const double *arg[] = {x, s->p, s->w_mid, s->slope, s->offset, columns};
 #if WB_ENCLOSED
   double round[WB_HESSIAN + 1], ok = 0.0;
 #if WB_M > 0
-  double source[WB_N], bent[WB_N];
-  double *res[] = {hessian, d->source, d->bent, round, source, bent, &ok};
+  double *res[] = {hessian, d->source, d->bent, round, d->source_round, d->bent_round, &ok};
 #else
   double *res[] = {hessian, round, &ok};
 #endif
 #else
   const double *round = wb_round_hessian;
   const double ok = 1.0;
-#if WB_PAIRS > 0
-  const double *source = wb_round_source, *bent = wb_round_bent;
-#endif
   double *res[] = {hessian, d->source, d->bent};
 #endif
   int i, j;
@@ -135,19 +141,11 @@ static int wb_derive(wb_set *s, const double *x, double *g, double h, wb_derivat
   }
   if (wb_second(arg, res, 0, scratch, 0) || !(ok == 1.0)) return WB_NO_ENCLOSURE;
   for (i = 0; i < WB_HESSIAN; ++i) d->sizes[i] = (fabs(hessian[i]) + round[i]) * WB_UP;
-#if WB_PAIRS > 0 /* without pairs there is no source to round */
-  for (i = 0; i < WB_N; ++i) d->round[i] = (h * source[i] + h * h / 12 * bent[i]) * WB_UP;
-#else
-  (void)h;
+#if WB_PAIRS > 0 && !WB_ENCLOSED
+  memcpy(d->source_round, wb_round_source, sizeof d->source_round);
+  memcpy(d->bent_round, wb_round_bent, sizeof d->bent_round);
 #endif
   return WB_COMPLETE;
-}
-
-/* Sizes of the parts of a set, but for its box. */
-static void wb_measure(wb_instant *t, const double *g, const double *q) {
-  if (WB_M > 0) wb_sum_rows(g, 0, WB_M, t->linear);
-  wb_sum_rows(g, WB_M, t->columns, t->spread);
-  wb_sum_pairs(q, t->q_low, t->q_high);
 }
 
 /* Radius and bounds of a set from the sizes of its parts. */
@@ -182,14 +180,14 @@ static void wb_start(wb_set *s, const double *center, const double *radius, cons
   for (i = 0; i < WB_N; ++i) {
     s->now->x[i] = center[i];
     s->now->pending[i] = radius[i];
-    for (j = 0; j < WB_M; ++j) wb_row(s->g, i)[j] = 0.0;
+    for (j = 0; j < WB_MS; ++j) wb_row(s->g, i)[j] = 0.0;
   }
   for (j = 0; j < WB_M; ++j) {
     wb_row(s->g, wb_axis[j])[j] = radius[wb_axis[j]];
+    s->now->linear[wb_axis[j]] += radius[wb_axis[j]] * WB_UP;
     s->now->pending[wb_axis[j]] = 0.0;
   }
-  s->now->columns = WB_M;
-  wb_measure(s->now, s->g, s->q);
+  s->now->columns = WB_MS;
   wb_enclose(s->now);
 }
 
@@ -239,7 +237,7 @@ static void wb_line(double low, double high, double floor_, double ceiling, doub
 static int wb_driver_ranges(const wb_set *s, const wb_instant *t, double *g, const double *q,
                             double *lower, double *upper) {
   double scratch[WB_SCRATCH], middle[WB_NK], gradient[WB_NK * WB_N], second[WB_NK];
-  double pairs[WB_NK * WB_PAIRS + 1], columns[WB_N * WB_M + 1];
+  double pairs[WB_NK * WB_PAIRS + 1], columns[WB_N * WB_M + 1], sums[WB_NK];
   const double *arg[] = {t->x, s->p, s->w_mid, s->slope, s->offset, t->linear, t->rest, columns};
 #if WB_ENCLOSED
   double round[WB_NK], ok = 0.0;
@@ -247,6 +245,7 @@ static int wb_driver_ranges(const wb_set *s, const wb_instant *t, double *g, con
   double *res[] = {middle, gradient, second, pairs, round, &ok};
 #else
   double *res[] = {middle, gradient, second, round, &ok};
+  (void)pairs;
 #endif
 #else
   const double *round = wb_round_driver;
@@ -258,9 +257,10 @@ static int wb_driver_ranges(const wb_set *s, const wb_instant *t, double *g, con
     for (j = 0; j < WB_M; ++j) columns[i * WB_M + j] = wb_row(g, i)[j];
   }
   if (wb_drivers(arg, res, 0, scratch, 0) || !(ok == 1.0)) return WB_NO_ENCLOSURE;
+  wb_sum_dots(gradient, g, t->columns, sums);
   for (i = 0; i < WB_NK; ++i) {
     const double *row = gradient + i * WB_N;
-    double low = wb_sum_dots(row, g, t->columns) + second[i], high;
+    double low = sums[i] + second[i], high;
     for (j = 0; j < WB_N; ++j) {
       low += fabs(row[j]) * (t->pending[j] + WB_COLUMN_ROUNDING * (t->linear[j] + t->rest[j]));
     }
@@ -289,6 +289,8 @@ static int wb_lines(wb_set *s) {
   for (i = 0; i < WB_NK; ++i) {
     double line[3];
     wb_line(s->guess_low[i], s->guess_high[i], s->floor[i], s->ceiling[i], line);
+    if (line[0] < s->slope[i] || line[0] > s->slope[i]) s->ranged = s->derived = 0;
+    if (line[1] < s->offset[i] || line[1] > s->offset[i]) s->ranged = s->derived = 0;
     s->slope[i] = line[0];
     s->offset[i] = line[1];
     s->gap[i] = line[2];
@@ -302,35 +304,44 @@ static int wb_lines(wb_set *s) {
 }
 #endif
 
-/* Largest quotient of two rows of non-negative numbers, at least `share`; 0 / 0 counts as nothing. */
-static inline double wb_share(const double *a, const double *b, int count, double share) {
-  double lane[4] = {share, share, share, share};
-  int i, k;
-  for (i = 0; i < count; i += 4) {
-    for (k = 0; k < 4; ++k) {
-      const double quotient = a[i + k] > 0.0 ? a[i + k] / b[i + k] : 0.0;
-      lane[k] = quotient <= lane[k] ? lane[k] : quotient;
-    }
+/* Largest quotient of two rows of non-negative numbers; 0 / 0 counts as nothing. */
+static double wb_share(const double *a, const double *b, int count) {
+  double share = 0.0;
+  int i;
+  for (i = 0; i < count; ++i) {
+    const double quotient = a[i] > 0.0 ? a[i] / b[i] : 0.0;
+    share = quotient <= share ? share : quotient;
   }
-  for (k = 1; k < 4; ++k) lane[0] = lane[k] <= lane[0] ? lane[0] : lane[k];
-  return lane[0];
+  return share;
+}
+
+static double wb_largest(const double *v) {
+  double largest = v[0];
+  int i;
+  for (i = 1; i < WB_L; ++i) largest = wb_max(largest, v[i]);
+  return largest;
 }
 
 /* By how much the step needs less than the bounds were made for: in all of linear, rest, extra and v;
- * in linear; in guess; in small. */
-WB_WIDE static void wb_scales(const double *need, const double *have, double *less) {
-  int j;
-  less[1] = wb_share(need + WB_LINEAR, have + WB_LINEAR, WB_L, 0.0);
-  less[0] = wb_share(need + WB_REST, have + WB_REST, WB_L, less[1]);
-  less[0] = wb_share(need + WB_EXTRA, have + WB_EXTRA, WB_L, less[0]);
-  for (j = WB_V; j < WB_SLOPE; ++j) {
-    const double quotient = need[j] > 0.0 ? need[j] / have[j] : 0.0;
-    less[0] = quotient <= less[0] ? less[0] : quotient;
+ * in linear; in guess; in small. What was made room for is never 0. */
+WB_WIDE static void wb_scales(const double *restrict need, const double *restrict have,
+                              double *restrict less) {
+  double all[WB_L], linear[WB_L], guess[WB_L], small[WB_L];
+  int i;
+  for (i = 0; i < WB_L; ++i) {
+    const double rest = need[WB_REST + i] / have[WB_REST + i];
+    const double extra = need[WB_EXTRA + i] / have[WB_EXTRA + i];
+    linear[i] = WB_M > 0 ? need[WB_LINEAR + i] / have[WB_LINEAR + i] : 0.0;
+    guess[i] = need[WB_GUESS + i] / have[WB_GUESS + i];
+    small[i] = need[WB_SMALL + i] / have[WB_SMALL + i];
+    all[i] = wb_max(wb_max(rest, extra), linear[i]);
   }
+  less[0] = wb_largest(all);
+  for (i = WB_V; i < WB_SLOPE; ++i) less[0] = wb_max(less[0], need[i] / have[i]);
   less[0] *= WB_UP;
-  less[1] *= WB_UP;
-  less[2] = wb_share(need + WB_GUESS, have + WB_GUESS, WB_L, 0.0) * WB_UP;
-  less[3] = wb_share(need + WB_SMALL, have + WB_SMALL, WB_L, 0.0) * WB_UP;
+  less[1] = wb_largest(linear) * WB_UP;
+  less[2] = wb_largest(guess) * WB_UP;
+  less[3] = wb_largest(small) * WB_UP;
 }
 
 /* How many entries of `need` are above what `have` covers. */
@@ -357,14 +368,14 @@ static int wb_bound(wb_set *restrict s, const double *restrict need) {
     const double more = wb_max(s->next->rest[i] - s->now->rest[i], 0.0);
     have[WB_BELOW + i] = wb_enters[i] > 0.0 ? need[WB_BELOW + i] + (room - wb_min(ahead, 0.0)) : 1e9;
     have[WB_ABOVE + i] = wb_enters[i] > 0.0 ? need[WB_ABOVE + i] + (room + wb_max(ahead, 0.0)) : 1e9;
-    have[WB_LINEAR + i] = WB_M > 0 ? need[WB_LINEAR + i] * (1.0 + WB_ROOM) + WB_AHEAD * grown : 0.0;
+    have[WB_LINEAR + i] = WB_M > 0 ? need[WB_LINEAR + i] * (1.0 + WB_ROOM) + WB_AHEAD * grown + WB_LEAST : 0.0;
     have[WB_REST + i] = need[WB_REST + i] * (1.0 + WB_ROOM) + WB_AHEAD * more;
     have[WB_GUESS + i] = 1.4 * need[WB_GUESS + i];
     have[WB_SMALL + i] = 2.0 * need[WB_SMALL + i];
     have[WB_EXTRA + i] = 1.4 * need[WB_EXTRA + i];
     have[WB_JUMP + i] = 1.4 * need[WB_JUMP + i];
   }
-  for (i = WB_V; i < WB_SLOPE; ++i) have[i] = (1.0 + WB_ROOM) * need[i];
+  for (i = WB_V; i < WB_SLOPE; ++i) have[i] = (1.0 + WB_ROOM) * need[i] + WB_LEAST;
   for (i = WB_SLOPE; i < WB_OFFSET; ++i) have[i] = need[i];
   for (i = WB_OFFSET; i < WB_OFFSET + WB_NK; ++i) have[i] = (1.0 + WB_ROOM) * need[i];
   {
@@ -412,7 +423,7 @@ WB_WIDE static void wb_need(const wb_set *restrict s, const wb_moves *restrict m
 }
 
 /* Rates at both ends of the step, for sets as large as the slack allows there. */
-static int wb_sources(const wb_set *s, const double *v, double *start, double *end) {
+WB_WIDE static int wb_sources(const wb_set *s, const double *v, double *start, double *end) {
   double scratch[WB_SCRATCH], linear[2][WB_L], rest[2][WB_L];
   const double *at_start[] = {s->at_start->sizes, linear[0], rest[0], v};
   const double *at_end[] = {s->at_end->sizes, linear[1], rest[1], v};
@@ -449,16 +460,18 @@ WB_WIDE static double wb_terms(wb_set *restrict s, wb_moves *restrict m, double 
     jump[i] = (high * (b->taylor_x[i] + mapped * b->taylor_w[i]) + m->round[i]) * WB_UP;
   }
   for (i = 0; i < WB_L; ++i) {
-    const double source_bend = square * b->source_bend[i];
-    const double tiny = (twelfth * (less[2] * b->grown_bend[i] + b->source_turn[i]) +
-                         half * (b->source_slip[i] + b->input_slip[i]) +
-                         cube * b->input_response[i] + h5 * (square * b->response[i])) * WB_UP;
+    const double source_bend = WB_M > 0 ? square * b->source_bend[i] : 0.0;
+    const double source = WB_M > 0 ? twelfth * b->source_turn[i] + half * b->source_slip[i] +
+                                     h5 * (square * b->response[i]) : 0.0;
+    const double input = WB_NV > 0 ? half * b->input_slip[i] + cube * b->input_response[i] : 0.0;
+    const double tiny = (twelfth * (less[2] * b->grown_bend[i]) + source + input) * WB_UP;
     const double constant = both * (quarter * b->second_bend[i] + less[0] * b->third[i]) * WB_UP;
     const double rate = wb_max(start[i], end[i]) + constant;
-    const double bend = eighth * (less[1] * b->bend_linear[i]) * WB_UP;
+    const double bend = WB_M > 0 ? eighth * (less[1] * b->bend_linear[i]) * WB_UP : 0.0;
     const double rest = (eighth * (less[0] * b->bend_rest[i] + source_bend) + jump[i]) * WB_UP;
     const double small = (tiny + h * (less[3] * b->grown_small[i])) * WB_UP;
-    const double guess = (h * (less[2] * b->grown[i] + rate + b->input_rate[i]) + small) * WB_UP;
+    const double push = WB_NV > 0 ? rate + b->input_rate[i] : rate;
+    const double guess = (h * (less[2] * b->grown[i] + push) + small) * WB_UP;
     const double slack = (rest + s->guess[i]) * WB_UP;
     /* |t^i - t h^(i-1)| <= h^i (1/4, 0.385, 0.4725, 0.535) for i = 2 .. 5 and 0 <= t <= h. */
     const double margin = (quarter * b->curvature[i] + cube * (0.385 * b->cubic[i] +
@@ -469,9 +482,9 @@ WB_WIDE static double wb_terms(wb_set *restrict s, wb_moves *restrict m, double 
     m->from_start[i] = (third * start[i] + sixth * end[i] + half * constant) * WB_UP;
     m->from_end[i] = (sixth * start[i] + third * end[i] + half * constant) * WB_UP;
     m->added[i] = (small + jump[i]) * WB_UP;
-    s->chord[i] = (quarter * b->curvature[i] + half * b->jump_rate[i]) * WB_UP;
-    s->small[i] = (1.2 + room) * small + 1e-12;
-    s->guess[i] = (1.05 + room) * guess + 1e-11;
+    s->chord[i] = (quarter * b->curvature[i] + (WB_NW > 0 ? half * b->jump_rate[i] : 0.0)) * WB_UP;
+    s->small[i] = (1.2 + room) * small + 1.0 * wb_max(small - s->small[i], 0.0) + 1e-12;
+    s->guess[i] = (1.05 + room) * guess + 1.0 * wb_max(guess - s->guess[i], 0.0) + 1e-11;
     s->slack[i] = s->guess[i] + (1.02 + room) * rest + 1e-10;
     s->bend[i] = (1.02 + room) * bend + 1e-10;
     s->jump[i] = (1.1 + room) * jump[i] + 1e-12;
@@ -492,8 +505,8 @@ static int wb_close(wb_set *s, wb_moves *m, double h) {
     wb_scales(need, s->premise, less);
     /* What the transition maps besides the set: the source of the quadratic term. */
     if (WB_M > 0) {
-      more += h * wb_share(s->bounds.second, need + WB_REST, WB_L, 0.0) * WB_UP;
-      more += h * h / 12 * wb_share(s->bounds.source_bend, need + WB_REST, WB_L, 0.0) * WB_UP;
+      more += h * wb_share(s->bounds.second, need + WB_REST, WB_L) * WB_UP;
+      more += h * h / 12 * wb_share(s->bounds.source_bend, need + WB_REST, WB_L) * WB_UP;
     }
     for (i = WB_N; i < WB_L; ++i) start[i] = end[i] = 0.0;
     if (wb_sources(s, m->v, start, end)) return WB_NO_ENCLOSURE;
@@ -528,8 +541,10 @@ static int wb_advance_nominal(wb_set *s, wb_moves *m, double h, double *at_start
   for (i = 0; i < WB_L; ++i) at_start[i] = 0.0;
   for (i = WB_N; i < WB_L; ++i) at_end[i] = 0.0;
 #else
-  double *res[] = {s->next->x, m->phi};
+  double rates[WB_RATES];
+  double *res[] = {s->next->x, rates};
   if (wb_advance(from, res, 0, scratch, 0)) return WB_NO_ENCLOSURE;
+  wb_transition(rates, m->phi);
   for (i = 0; i < WB_L; ++i) {
     at_start[i] = wb_round_start[i];
     at_end[i] = wb_round_step[i];
@@ -568,9 +583,11 @@ static int wb_move(wb_set *s, wb_moves *m, double h) {
   wb_instant *t = s->next;
   int i;
   if (wb_advance_nominal(s, m, h, start, m->round)) return WB_NO_ENCLOSURE;
-  wb_map_columns(m->phi, s->g, s->g_next, s->now->columns);
+  wb_size(m->phi, m->sizes);
+  if (WB_M > 0) wb_map_columns(m->phi, s->g, s->g_next, 0, WB_MS, t->linear);
+  wb_map_columns(m->phi, s->g, s->g_next, WB_MS, s->now->columns, t->spread);
   t->columns = s->now->columns;
-  if (wb_derive(s, t->x, s->g_next, h, s->at_end)) return WB_NO_ENCLOSURE;
+  if (wb_derive(s, t->x, s->g_next, s->at_end)) return WB_NO_ENCLOSURE;
   for (i = 0; i < WB_L; ++i) {
     t->pending[i] = 0.0;
     mapped[i] = s->now->linear[i] + s->now->rest[i];
@@ -587,25 +604,27 @@ static int wb_move(wb_set *s, wb_moves *m, double h) {
     wb_sum_sizes(s->at_end->bent, sizes[3]);
     for (i = 0; i < WB_N; ++i) {
       mapped[i] += h * sizes[0][i] + twelfth * sizes[1][i];
-      start[i] += s->at_start->round[i];
-      m->round[i] += WB_COLUMN_ROUNDING * (h * sizes[2][i] + twelfth * sizes[3][i]) + s->at_end->round[i];
+      start[i] += (h * s->at_start->source_round[i] + twelfth * s->at_start->bent_round[i]) * WB_UP;
+      m->round[i] += (h * (WB_COLUMN_ROUNDING * sizes[2][i] + s->at_end->source_round[i]) +
+                      twelfth * (WB_COLUMN_ROUNDING * sizes[3][i] + s->at_end->bent_round[i])) * WB_UP;
     }
   }
 #endif
 #if WB_ENCLOSED
-  wb_map_sizes(m->matrix, mapped, m->round);
+  wb_size(m->matrix, m->errors);
+  wb_map_sizes(m->errors, mapped, m->round);
 #endif
   for (i = 0; i < WB_L; ++i) start[i] += WB_COLUMN_ROUNDING * mapped[i];
-  wb_map_sizes(m->phi, s->now->pending, t->pending);
-  wb_map_sizes(m->phi, start, m->round);
-  wb_measure(t, s->g_next, s->q_next);
+  wb_map_sizes(m->sizes, s->now->pending, t->pending);
+  wb_map_sizes(m->sizes, start, m->round);
+  wb_sum_pairs(s->q_next, t->q_low, t->q_high);
   wb_enclose(t);
   return WB_COMPLETE;
 }
 
 #if WB_NV > 0
 /* size: sums of the sizes of the products that the entries of `column` are sums of. */
-static void wb_append(wb_set *s, const double *column, const double *size) {
+static void wb_append(wb_set *s, int input, const double *column, const double *size) {
   wb_instant *t = s->next;
   int row;
   for (row = 0; row < WB_N; ++row) {
@@ -613,7 +632,7 @@ static void wb_append(wb_set *s, const double *column, const double *size) {
     t->spread[row] += fabs(column[row]) * WB_UP;
     t->pending[row] += WB_COLUMN_ROUNDING * size[row];
   }
-  ++t->columns;
+  s->source[t->columns++] = WB_N + input;
 }
 
 /* Columns of the exogenous inputs: their effect is split onto the two ends of the step. */
@@ -632,58 +651,174 @@ static void wb_extend_inputs(wb_set *s, const wb_moves *m, double h) {
         size[wb_phi_row[i]] += fabs(value);
       }
     }
-    wb_append(s, column, size);
+    wb_append(s, j, column, size);
     memset(column, 0, sizeof column);
     memset(size, 0, sizeof size);
     for (k = wb_input_start[j]; k < wb_input_start[j + 1]; ++k) {
       column[wb_input_row[k]] = m->inputs[1][k] * radius;
       size[wb_input_row[k]] = fabs(column[wb_input_row[k]]);
     }
-    wb_append(s, column, size);
+    wb_append(s, j, column, size);
   }
 }
 #endif
 
 /* Turns the box at the start, with what the step adds there, into columns at the end where that pays. */
-static void wb_extend(wb_set *s, const wb_moves *m, double h) {
+WB_WIDE static void wb_extend(wb_set *s, const wb_moves *m, double h) {
   wb_instant *t = s->next;
-  double box[WB_L], size[WB_L];
-  int i, k, row;
+  double box[WB_L], turned[WB_L], added[WB_L];
+  /* Remainders grow faster than with the step's square: in long steps a box matters less. */
+  const double share = WB_FLUSH_SHARE * wb_max(1.0, h * h / (WB_FLUSH_STEP * WB_FLUSH_STEP));
+  int i;
 #if WB_ENCLOSED
   double mapped[WB_L];
 #endif
   for (i = 0; i < WB_L; ++i) {
-    box[i] = (s->now->pending[i] + m->from_start[i]) * WB_UP;
-    size[i] = WB_FLUSH_SHARE * (s->now->linear[i] + s->now->rest[i]);
+    const double part = (s->now->pending[i] + m->from_start[i]) * WB_UP;
+    const double size = share * (s->now->linear[i] + s->now->rest[i]);
+    turned[i] = part > size ? part * wb_feeds[i] : 0.0;
+    box[i] = turned[i] > 0.0 ? 0.0 : part;
     t->pending[i] = (m->from_end[i] + m->added[i]) * WB_UP;
+    added[i] = 0.0;
   }
 #if WB_ENCLOSED
   /* What the transition maps besides the set. */
   for (i = 0; i < WB_L; ++i) mapped[i] = m->from_start[i];
 #if WB_NV > 0
   for (i = 0; i < WB_NV; ++i) {
+    int k;
     for (k = wb_input_start[i]; k < wb_input_start[i + 1]; ++k) {
       mapped[wb_input_row[k]] += fabs(m->inputs[0][k]) * m->v[i] * h;
     }
   }
 #endif
-  wb_map_sizes(m->matrix, mapped, t->pending);
+  wb_map_sizes(m->errors, mapped, t->pending);
 #endif
-  (void)h;
-  for (i = 0; i < WB_N; ++i) {
-    if (!(wb_feeds[i] && box[i] > size[i])) continue;
-    for (row = 0; row < WB_N; ++row) wb_row(s->g_next, row)[t->columns] = 0.0;
-    for (k = wb_phi_start[i]; k < wb_phi_start[i + 1]; ++k) {
-      const double value = m->phi[k] * box[i];
-      wb_row(s->g_next, wb_phi_row[k])[t->columns] = value;
-      t->spread[wb_phi_row[k]] += fabs(value) * WB_UP;
-      t->pending[wb_phi_row[k]] += 0x1p-52 * fabs(value);
-    }
-    box[i] = 0.0;
-    ++t->columns;
+  t->columns = wb_box_columns(m->phi, turned, s->g_next, s->source, t->columns);
+  wb_map_sizes(m->sizes, turned, added);
+  wb_map_sizes(m->sizes, box, t->pending);
+  for (i = 0; i < WB_L; ++i) {
+    t->spread[i] += added[i];
+    t->pending[i] += 0x1p-52 * added[i];
   }
-  wb_map_sizes(m->phi, box, t->pending);
 }
+
+/* Fills the last group of four columns up with zeros. */
+static void wb_fill(double *g, int from) {
+  const int to = (from + 3) / 4 * 4;
+  int i, j;
+  for (i = 0; i < WB_N; ++i) {
+    for (j = from; j < to; ++j) wb_row(g, i)[j] = 0.0;
+  }
+}
+
+#if WB_REDUCED
+/* How much of each column a box around it adds, in shares of the set: all but its largest entry. */
+WB_WIDE static void wb_scores(const wb_instant *restrict t, const double *restrict g,
+                              double *restrict scores) {
+  const int count = t->columns;
+  double largest[WB_COLUMNS];
+  int i, j;
+  for (j = WB_MS; j < count; ++j) scores[j] = largest[j] = 0.0;
+  for (i = 0; i < WB_N; ++i) {
+    const double size = t->linear[i] + t->rest[i], weight = size > 1e-200 ? 1.0 / size : 0.0;
+    const double *row = g + (size_t)i * WB_COLUMNS;
+    for (j = WB_MS; j < count; ++j) {
+      const double share = fabs(row[j]) * weight;
+      scores[j] += share;
+      largest[j] = wb_max(largest[j], share);
+    }
+  }
+  for (j = WB_MS; j < count; ++j) scores[j] -= largest[j];
+}
+
+/* A score that at least so many columns do not exceed, but few more. */
+WB_WIDE static double wb_threshold(const double *scores, int from, int to, double least) {
+  double most = WB_N, step = WB_N;
+  int j, k;
+  for (k = 0; k < 16; ++k) {
+    double count = 0.0;
+    step /= 2;
+    for (j = from; j < to; ++j) count += scores[j] <= most - step ? 1.0 : 0.0;
+    if (count >= least) most -= step;
+  }
+  return most;
+}
+
+/* Pairs every other column with the one before it from the same source, to which it is nearly
+ * parallel: b = ratio a + remainder. Where the remainder is less than what a box around b adds, it is
+ * the score, and `partner` is a. */
+static void wb_pair(const wb_set *s, double *scores, double *ratio, int *partner) {
+  const wb_instant *t = s->now;
+  double *g = s->g;
+  int last[WB_N + WB_NV], i, j;
+  double weight[WB_N];
+  for (i = 0; i < WB_N + WB_NV; ++i) last[i] = -1;
+  for (i = 0; i < WB_N; ++i) {
+    const double size = t->linear[i] + t->rest[i];
+    weight[i] = size > 1e-200 ? 1.0 / size : 0.0;
+  }
+  for (j = WB_MS; j < t->columns; ++j) {
+    const int before = last[s->source[j]];
+    double own = 0.0, both = 0.0, left = 0.0;
+    partner[j] = -1;
+    last[s->source[j]] = before < 0 ? j : -1;
+    if (before < 0) continue;
+    for (i = 0; i < WB_N; ++i) {
+      const double one = wb_row(g, i)[before] * weight[i];
+      own += one * one;
+      both += one * (wb_row(g, i)[j] * weight[i]);
+    }
+    if (!(own > 0.0)) continue;
+    ratio[j] = both / own;
+    for (i = 0; i < WB_N; ++i) {
+      left += fabs(wb_row(g, i)[j] - ratio[j] * wb_row(g, i)[before]) * weight[i];
+    }
+    if (!(left < scores[j])) continue;
+    scores[j] = left;
+    partner[j] = before;
+  }
+}
+
+/* Merges columns into others or into the box, those first that this widens least, until few enough are
+ * left: a e + b f = a (e + ratio f) + (b - ratio a) f. */
+static void wb_reduce(wb_set *s) {
+  wb_instant *t = s->now;
+  double scores[WB_COLUMNS], ratio[WB_COLUMNS], most, wider[WB_L] = {0.0}, box[WB_L] = {0.0};
+  int partner[WB_COLUMNS], kept = WB_MS, i, j;
+  wb_scores(t, s->g, scores);
+  wb_pair(s, scores, ratio, partner);
+  most = wb_threshold(scores, WB_MS, t->columns, t->columns - WB_MS - WB_KEPT);
+  for (j = WB_MS; j < t->columns; ++j) {
+    const int other = partner[j], paired = other >= 0 && !(scores[other] <= most);
+    if (!(scores[j] <= most)) continue;
+    for (i = 0; i < WB_N; ++i) {
+      double *row = wb_row(s->g, i);
+      const double size = fabs(row[j]);
+      if (paired) {
+        const double left = fabs(row[j] - ratio[j] * row[other]);
+        row[other] *= 1.0 + fabs(ratio[j]);
+        wider[i] += 2 * left;
+        box[i] += left + 0x1p-50 * (size + fabs(row[other]));
+      } else {
+        box[i] += size;
+      }
+    }
+  }
+  for (j = WB_MS; j < t->columns; ++j) {
+    if (scores[j] <= most) continue;
+    for (i = 0; i < WB_N; ++i) wb_row(s->g, i)[kept] = wb_row(s->g, i)[j];
+    s->source[kept++] = s->source[j];
+  }
+  t->columns = kept;
+  for (i = 0; i < WB_N; ++i) {
+    t->pending[i] = (t->pending[i] + box[i]) * WB_UP;
+    t->rest[i] = (t->rest[i] + wider[i]) * (1.0 + 0x1p-38);
+  }
+  wb_fill(s->g, t->columns);
+  s->ranged = 0;
+}
+#endif
 
 static int wb_commit(wb_set *s) {
   double *swap = s->g;
@@ -698,20 +833,30 @@ static int wb_commit(wb_set *s) {
   s->next = instant;
   s->at_start = s->at_end;
   s->at_end = derivatives;
-  return wb_finite(s->now->lower, WB_N) && wb_finite(s->now->upper, WB_N) ? WB_COMPLETE : WB_NO_ENCLOSURE;
+  memcpy(s->at_low[0], s->at_low[1], sizeof s->at_low[0]);
+  memcpy(s->at_high[0], s->at_high[1], sizeof s->at_high[0]);
+  s->ranged = WB_NK > 0;
+  if (!wb_finite(s->now->lower, WB_N) || !wb_finite(s->now->upper, WB_N)) return WB_NO_ENCLOSURE;
+#if WB_REDUCED
+  if (s->now->columns > WB_MS + WB_MOST) wb_reduce(s);
+  if (s->now->columns > WB_MS + WB_MOST) return WB_NO_ENCLOSURE;
+#endif
+  return WB_COMPLETE;
 }
 
 static int wb_attempt(wb_set *s, wb_moves *m, double h) {
   int j;
+  ++s->spent;
   for (j = 0; j < WB_NW; ++j) m->v[j] = s->w_rad[j];
   for (j = 0; j < WB_NK; ++j) m->v[WB_NW + j] = s->gap[j];
-  if (!s->derived && wb_derive(s, s->now->x, s->g, h, s->at_start)) return WB_NO_ENCLOSURE;
+  if (!s->derived && wb_derive(s, s->now->x, s->g, s->at_start)) return WB_NO_ENCLOSURE;
   s->derived = 1;
   if (wb_move(s, m, h) || wb_close(s, m, h)) return WB_NO_ENCLOSURE;
   wb_extend(s, m, h);
 #if WB_NV > 0
   wb_extend_inputs(s, m, h);
 #endif
+  wb_fill(s->g_next, s->next->columns);
   wb_enclose(s->next);
   return WB_COMPLETE;
 }
@@ -720,9 +865,10 @@ static int wb_attempt(wb_set *s, wb_moves *m, double h) {
 /* Ranges of the drivers over the step just attempted: hull of both instants, widened by the chord. */
 static int wb_step_ranges(wb_set *s, double h) {
   const wb_bounds *b = &s->bounds;
-  double lower[2][WB_NK], upper[2][WB_NK];
+  double (*lower)[WB_NK + 1] = s->at_low, (*upper)[WB_NK + 1] = s->at_high;
   int i;
-  if (wb_driver_ranges(s, s->now, s->g, s->q, lower[0], upper[0])) return WB_NO_ENCLOSURE;
+  if (!s->ranged && wb_driver_ranges(s, s->now, s->g, s->q, lower[0], upper[0])) return WB_NO_ENCLOSURE;
+  s->ranged = 1;
   if (wb_driver_ranges(s, s->next, s->g_next, s->q_next, lower[1], upper[1])) return WB_NO_ENCLOSURE;
   for (i = 0; i < WB_NK; ++i) {
     const double more = (b->driver_third[i] + b->driver_input[i] + h * h / 4 * b->driver_curvature[i] +
@@ -737,12 +883,11 @@ static int wb_step_ranges(wb_set *s, double h) {
 static int wb_step_kinks(wb_set *s, wb_moves *m, double h) {
   double before_low[WB_NK], before_high[WB_NK];
   int trial, i;
+  if (!s->derived) s->ranged = 0; /* whoever changes parameters says so once */
   memcpy(before_low, s->range_low, sizeof before_low);
   memcpy(before_high, s->range_high, sizeof before_high);
   for (trial = 0; trial < WB_KINK_TRIALS; ++trial) {
-    int verified = 1, status;
-    s->derived = 0;
-    status = wb_lines(s);
+    int verified = 1, status = wb_lines(s);
     if (status == WB_COMPLETE) status = wb_attempt(s, m, h);
     if (status == WB_COMPLETE) status = wb_step_ranges(s, h);
     if (status != WB_COMPLETE) return status;
@@ -805,6 +950,7 @@ static int wb_prepare(wb_set *s) {
   if (wb_limits(arg, res, 0, scratch, 0)) return WB_NO_ENCLOSURE;
   if (!wb_finite(s->floor, WB_NK) || !wb_finite(s->ceiling, WB_NK)) return WB_NO_ENCLOSURE;
   for (i = 0; i < WB_NK; ++i) s->slope[i] = 1.0;
+  s->derived = s->ranged = 0;
   if (wb_driver_ranges(s, s->now, s->g, s->q, lower, upper)) return WB_NO_ENCLOSURE;
   for (i = 0; i < WB_NK; ++i) {
     const double room = 0.1 * (upper[i] - lower[i]) + 1e-6;
@@ -819,7 +965,7 @@ static int wb_prepare(wb_set *s) {
 
 static void wb_disturb(wb_set *s, int i, double low, double high) {
   const double middle = (low + high) / 2, radius = wb_radius(low, high);
-  if (middle < s->w_mid[i] || middle > s->w_mid[i]) s->bounded = s->derived = 0;
+  if (middle < s->w_mid[i] || middle > s->w_mid[i]) s->bounded = s->derived = s->ranged = 0;
   s->w_mid[i] = middle;
   s->w_rad[i] = radius;
 }

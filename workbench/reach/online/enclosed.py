@@ -189,16 +189,19 @@ def enclosed_functions(ode: Ode, ranges: Ranges, *, quadratic: tuple[str, ...]) 
         raise InputError(f"expected states of {ode.names}, got {unknown}")
     columns = tuple(ode.names.index(name) for name in quadratic)
     principal, n_k = _is_principal(model, ranges), model.n_k
+    advance = enclosed_advance(model, ORDER, principal=principal)
     return OnlineFunctions(
         model=model,
         ranges=ranges,
         rounding=None,
         columns=columns,
         pairs=tuple(pairs_of(model, columns)) if columns else (),
-        advance=enclosed_advance(model, ORDER, principal=principal),
+        jacobians=(),
+        transition=advance.sparsity_out("transition"),
+        advance=advance,
         inputs=enclosed_inputs(model, principal=principal) if model.n_v else None,
         second=enclosed_second(model, columns, principal=principal),
-        source=source_function(model, upward=True),
+        source=source_function(model, upward=True, quadratic=bool(columns)),
         majorant=majorant_function(model, order=ORDER, upward=True, quadratic=bool(columns)),
         drivers=enclosed_drivers(model, columns, principal=principal) if n_k else None,
         limits=exact_limits(model) if n_k else None,

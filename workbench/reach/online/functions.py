@@ -19,13 +19,14 @@ from workbench.reach.online.step import (
     driver_function,
     input_function,
     pairs_of,
+    rates_function,
     second_function,
     source_function,
 )
 
 # Measured on B1: below these shares of a state's radius a remainder's own column costs more than it
 # tightens.
-_FLUSH_SHARE = {False: 1e-3, True: 3e-4}
+_FLUSH_SHARE = {False: 7e-4, True: 3e-4}
 ORDER = 5
 """Of the Taylor steps: the loop's remainder is of order 6."""
 
@@ -37,7 +38,9 @@ class OnlineFunctions:
 
     rounding: the `local` kernel's budget; None in the `enclosed` kernel, whose Functions return
     bounds of their own errors. columns: the axes whose initial deviations the quadratic form
-    follows (none: the linear form); pairs: of these, as they are stored.
+    follows (none: the linear form); pairs: of these, as they are stored; transition: structure of
+    a step's transition, which `advance` returns, or in the `local` kernel the Jacobian's
+    coefficients, of the structures `jacobians`, for the loop to compute it.
     """
 
     model: OnlineModel
@@ -45,6 +48,8 @@ class OnlineFunctions:
     rounding: Budget | None
     columns: tuple[int, ...]
     pairs: tuple[tuple[int, int], ...]
+    jacobians: tuple[ca.Sparsity, ...]
+    transition: ca.Sparsity
     advance: ca.Function
     inputs: ca.Function | None
     second: ca.Function
@@ -92,16 +97,19 @@ def online_functions(ode: Ode, ranges: Ranges, *, quadratic: tuple[str, ...]) ->
     columns = tuple(ode.names.index(name) for name in quadratic)
     budget = budget_of(model, ranges, columns, ORDER)
     principal = budget.angle < PRINCIPAL_RAD
+    rates, jacobians = rates_function(model, ORDER)
     return OnlineFunctions(
         model=model,
         ranges=ranges,
         rounding=budget,
         columns=columns,
         pairs=tuple(pairs_of(model, columns)) if columns else (),
-        advance=emitted(advance_function(model, ORDER), principal=principal),
+        jacobians=jacobians,
+        transition=advance_function(model, ORDER).sparsity_out("transition"),
+        advance=emitted(rates, principal=principal),
         inputs=emitted(input_function(model), principal=principal) if model.n_v else None,
         second=emitted(second_function(model, columns), principal=principal),
-        source=source_function(model),
+        source=source_function(model, quadratic=bool(columns)),
         majorant=majorant_function(model, order=ORDER, upward=False, quadratic=bool(columns)),
         drivers=emitted(driver_function(model, columns), principal=principal)
         if model.n_k

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import casadi as ca
 
-from workbench.reach.online.algebras import Points
-from workbench.reach.online.model import OPERATIONS, OnlineModel
-from workbench.reach.online.series import GraphSeries
+from workbench.reach.online.flow import direction, horner, state_series
+from workbench.reach.online.model import OnlineModel
+from workbench.reach.online.transition import transition_of
 from workbench.sensitivity.derivatives import derivatives
+from workbench.sensitivity.validity import verbatim
 
 _POINT = ("x", "p", "w_mid", "slope", "offset")
 _LEAST_RADIUS = 2.0**-100
@@ -26,77 +27,44 @@ def advance_function(model: OnlineModel, order: int) -> ca.Function:
     (i + 1) Phi_(i+1) = sum_j A_j Phi_(i-j), A_j the coefficients of the Jacobian along the flow.
     """
     point, h = point_symbols(model), ca.SX.sym("h")
+    x_end, scaled, shares = _series(model, point, h, order)
+    with verbatim():
+        outputs = list(ca.cse([x_end, transition_of(scaled, shares)]))
+    return ca.Function("wb_advance", [*point, h], outputs, [*_POINT, "h"], ["x_end", "transition"])
+
+
+def rates_function(model: OnlineModel, order: int) -> tuple[ca.Function, tuple[ca.Sparsity, ...]]:
+    """`wb_advance` with what the transition is made of in its place, and its structure.
+
+    rates: h, h / 2, ..., h / order, then the nonzeros of A_0, h A_1, h^2 A_2, ..., one matrix after
+    the other. `transition_rows` makes of them what `advance_function` returns, operation by
+    operation.
+    """
+    point, h = point_symbols(model), ca.SX.sym("h")
+    x_end, scaled, shares = _series(model, point, h, order)
+    packed = ca.vertcat(*shares, *[nonzeros(a) for a in scaled])
+    with verbatim():
+        outputs = list(ca.cse([x_end, packed]))
+    function = ca.Function("wb_advance", [*point, h], outputs, [*_POINT, "h"], ["x_end", "rates"])
+    return function, tuple(a.sparsity() for a in scaled)
+
+
+def _series(
+    model: OnlineModel, point: tuple[ca.SX, ...], h: ca.SX, order: int
+) -> tuple[ca.SX, list[ca.SX], list[ca.SX]]:
+    """The state's Taylor step, the Jacobian's coefficients h^j A_j along the flow, h / (i + 1)."""
     n = model.n
-    states = _state_series(model, point, order)
-    x_end = ca.vertcat(*[_horner([s.get(i) for i in range(order + 1)], h) for s in states])
+    states = state_series(model, point, order)
+    x_end = ca.vertcat(*[horner([s.get(i) for i in range(order + 1)], h) for s in states])
     jacobians = [ca.SX(n, n) for _ in range(order)]
     for j in range(n):
-        for (row, i), value in _direction(model, point, states, (0, j), order).items():
+        for (row, i), value in direction(model, point, states, (0, j), order).items():
             jacobians[i][row, j] = value
-    jacobians = [ca.sparsify(a) for a in jacobians]
-    powers = [ca.SX.eye(n)]
-    for i in range(order):
-        following = jacobians[0] @ powers[i]
-        for j in range(1, i + 1):
-            following = following + jacobians[j] @ powers[i - j]
-        powers.append(following / (i + 1) if i else following)
-    transition = powers[order]
-    for power in reversed(powers[:order]):
-        transition = power + h * transition
-    transition = ca.sparsify(transition)
-    return ca.Function(
-        "wb_advance", [*point, h], list(ca.cse([x_end, transition])), [*_POINT, "h"],
-        ["x_end", "transition"],
-    )  # fmt: skip
-
-
-def _horner(coefficients: list[ca.SX | None], h: ca.SX) -> ca.SX:
-    total: ca.SX | None = None
-    for coefficient in reversed(coefficients):
-        if total is not None:
-            total = h * total
-        if coefficient is not None:
-            total = coefficient if total is None else coefficient + total
-    return ca.SX(0) if total is None else total
-
-
-def _state_series(
-    model: OnlineModel, point: tuple[ca.SX, ...], order: int
-) -> list[dict[int, ca.SX]]:
-    """Taylor coefficients 0 .. order of every state along the flow."""
-    inputs = model.point_inputs(point)
-    series = GraphSeries(model.graph, Points(OPERATIONS), inputs)
-    for i in range(order):
-        series.advance((i, 0))
-        for k in range(model.n):
-            value = series.output(0, k).get((i, 0))
-            if value is not None:
-                inputs[0, k][i + 1, 0] = value / (i + 1) if i else value
-    return [{i: value for (i, _), value in inputs[0, k].items()} for k in range(model.n)]
-
-
-def _direction(
-    model: OnlineModel,
-    point: tuple[ca.SX, ...],
-    states: list[dict[int, ca.SX]],
-    element: tuple[int, int],
-    order: int,
-) -> dict[tuple[int, int], ca.SX]:
-    """(row, i) -> t^i of the field's derivative by one input element along the flow."""
-    inputs = model.point_inputs(point)
-    for k, coefficients in enumerate(states):
-        inputs[0, k] = {(i, 0): value for i, value in coefficients.items()}
-    inputs[element][0, 1] = ca.SX(1)
-    series = GraphSeries(model.graph, Points(OPERATIONS), inputs)
-    found = {}
-    for i in range(order):
-        series.advance((i, 0))
-        series.advance((i, 1))
-        for row in range(model.n):
-            value = series.output(0, row).get((i, 1))
-            if value is not None:
-                found[row, i] = value
-    return found
+    powers = [ca.SX(1), h]
+    while len(powers) < order:
+        powers.append(powers[-1] * h)
+    scaled = [ca.sparsify(a * power) for a, power in zip(jacobians, powers, strict=True)]
+    return x_end, scaled, [h / (i + 1) for i in range(order)]
 
 
 def input_function(model: OnlineModel) -> ca.Function:
@@ -106,7 +74,7 @@ def input_function(model: OnlineModel) -> ca.Function:
     states = [{0: ca.vec(point[0])[k]} for k in range(model.n)]
     for column in range(model.n_v):
         element = (2, column) if column < model.n_w else (5, column - model.n_w)
-        for (row, _), value in _direction(model, point, states, element, 1).items():
+        for (row, _), value in direction(model, point, states, element, 1).items():
             matrix[row, column] = value
     return ca.Function(
         "wb_inputs", list(point), [ca.cse(ca.sparsify(matrix))], list(_POINT), ["by_input"]
@@ -264,11 +232,13 @@ def _pair_sources(
     return ca.vec(ca.horzcat(*sources).T), ca.vec(ca.horzcat(*bents).T)
 
 
-def source_function(model: OnlineModel, *, upward: bool = False) -> ca.Function:
+def source_function(
+    model: OnlineModel, *, upward: bool = False, quadratic: bool = True
+) -> ca.Function:
     """Function `wb_source`: (sizes, linear, rest, v) -> 1/2 |D2g| ((w, v)^2 - (linear, 0)^2).
 
     sizes: |hessian| of `wb_second`; w = linear + rest, radii of the set (n each); v (n_v). The term
-    1/2 D2f[S d, S d] is carried exactly by the quadratic form; in the linear form `linear` is 0.
+    1/2 D2f[S d, S d] is carried exactly by the quadratic form; without it `linear` is taken as 0.
     upward: an upper bound of that, even where every input is up to three roundings too small;
     without it the roundings of a row, relative, are the caller's.
     """
@@ -276,7 +246,8 @@ def source_function(model: OnlineModel, *, upward: bool = False) -> ca.Function:
     matrices = hessians(model)
     sizes = ca.SX.sym("sizes", sum(h.nnz() for h in matrices))
     linear, rest, v = ca.SX.sym("linear", n), ca.SX.sym("rest", n), ca.SX.sym("v", model.n_v)
-    known, more = ca.vertcat(linear, ca.SX.zeros(model.n_v)), ca.vertcat(rest, v)
+    known = ca.vertcat(linear if quadratic else ca.SX.zeros(n), ca.SX.zeros(model.n_v))
+    more = ca.vertcat(rest, v)
     if upward:
         # Products of two then stay far above where they underflow.
         more = more + _LEAST_RADIUS
