@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from person_cases import Array, distance_to
 
@@ -93,6 +93,8 @@ def test_nobody_in_the_disc_is_nearer_than_the_gap(
     assert y_high >= (places[:, 1] + radii).max() - 1e-13
 
 
+# The nearest point of the hull is on the side of the way away from the rectangle's middle.
+@example((2.1, 0.0, 0.0, 2.0, 0.0), (0.0, 0.0, 1.0, -2.0, 1.0, 0.0, 1.0, 1.0), 1.0)
 @settings(max_examples=200, deadline=None)
 @given(_rectangles, _pieces, st.floats(0.0, 1.0))
 def test_apart_the_gap_is_the_distance_to_the_swept_disc(
@@ -106,7 +108,8 @@ def test_apart_the_gap_is_the_distance_to_the_swept_disc(
     radii = ends[0] + share * (ends[1] - ends[0])
     true = float((distance_to(np.array(rectangle), along) - radii).min())
     assert gap is not None
-    if true > 1e-3:
+    # A way without width may cross a rectangle without width between two samples.
+    if true > 1e-3 + float(np.hypot(*(places[1] - places[0]))) / 2000:
         assert (
             true - 0.01 * float(np.hypot(*(places[1] - places[0]))) - 1e-12 <= gap <= true + 1e-12
         )

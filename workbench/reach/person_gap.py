@@ -92,9 +92,10 @@ def gap_function() -> ca.Function:
     For a direction n with |n| <= 1, at every time of the window: distance >= n . (P(s) - c) - R(s)
     - a |n . e| - b |n . e'|, with c, a, b, e, e' the rectangle's centre, half sides and directions.
     P is linear and R convex in s, so the right side is concave and least at an end of the window.
-    Every n gives a bound; the best of three is taken, which is the distance between rectangle and
+    Every n gives a bound; the best of four is taken, which is the distance between rectangle and
     swept disc (R replaced by its chord) when they are apart: from the rectangle's nearest point to
-    the centre at the start, and at the end, and across the slanted side of the hull of both discs.
+    the centre at the start, and at the end, and across both slanted sides of the hull of both
+    discs.
     Where they overlap the bound is negative; as |n| >= 1 - 2^-43 it is then enlarged by 2^-42.
     Inputs: rectangle (5) and car (6), see `car_function`; piece (8) and window (2), see
     `box_function`. Outputs: gap, m; ok.
@@ -175,7 +176,8 @@ def _direction(rectangle: ca.SX, car: ca.SX, swept: _Swept) -> _Pair:
         places.append((c * dx + s * dy, c * dy - s * dx))
     first_radius, last_radius = swept.radii
     candidates = [_away(place, half) for place in places]
-    candidates.append(_across(places, last_radius - first_radius, candidates[1]))
+    grown = last_radius - first_radius
+    candidates += [_across(places, grown, candidates[1], side=side) for side in (-1.0, 1.0)]
 
     def separation(n: _Pair) -> ca.SX:
         first, last = (n[0] * u + n[1] * v for u, v in places)
@@ -209,16 +211,15 @@ def _away(place: _Pair, half: _Pair) -> _Pair:
     return ca.if_else(u < 0.0, -n_u, n_u), ca.if_else(v < 0.0, -n_v, n_v)
 
 
-def _across(places: list[_Pair], grown: ca.SX, otherwise: _Pair) -> _Pair:
-    """Normal of the common tangent of both discs on the rectangle's side; `otherwise` where one
-    disc contains the other."""
+def _across(places: list[_Pair], grown: ca.SX, otherwise: _Pair, *, side: float) -> _Pair:
+    """Normal of the common tangent of both discs on one side (-1 or 1) of their way; `otherwise`
+    where one disc contains the other."""
     (u, v), (u_end, v_end) = places
     e_u, e_v = u_end - u, v_end - v
     square = e_u * e_u + e_v * e_v
     slanted = ca.logic_and(square > _NO_LENGTH, grown * grown < square)
     inverse = 1.0 / ca.sqrt(square)
     e_u, e_v, lean = e_u * inverse, e_v * inverse, grown * inverse
-    upright = ca.sqrt(ca.fmax(1.0 - lean * lean, 0.0))
-    side = ca.if_else(e_u * v - e_v * u < 0.0, -upright, upright)
-    n_u, n_v = lean * e_u - side * e_v, lean * e_v + side * e_u
+    upright = side * ca.sqrt(ca.fmax(1.0 - lean * lean, 0.0))
+    n_u, n_v = lean * e_u - upright * e_v, lean * e_v + upright * e_u
     return ca.if_else(slanted, n_u, otherwise[0]), ca.if_else(slanted, n_v, otherwise[1])
