@@ -3,8 +3,7 @@ distance that grows with the speed as the guard grows over the time to stop.
 
 Near standstill the desk's tube, carried as one set, is wider than what runs show; the picture keeps
 that apart. The paper's scenario has a person moving parallel to the path, in close proximity, near
-the lane; it gives no distance. 3 m is that of the generated scene that stands for it
-(simulation/crossing.py).
+the lane; it gives no distance. 3 m is our reading: somebody on a verge beside the lane.
 Run with Python (extra `analysis`); an argument names the picture. It fails when the claim does.
 """
 
@@ -262,7 +261,7 @@ def plot(vehicle: Vehicle, rows: Sequence[Row], file: Path) -> None:
         speeds, [row.fail_safe_m for row in rows], "ko", label="FailSafe, desk tubes", zorder=3
     )
     axes.plot(speeds, [row.look_ahead_m for row in rows], "C3s--", label="LookAhead, desk tubes")
-    axes.axhline(SCENE_M, color="C3", linewidth=1.0, linestyle=":", label="scene: 3 m")
+    axes.axhline(SCENE_M, color="C3", linewidth=1.0, linestyle=":", label="beside the lane: 3 m")
     axes.set_ylabel("smallest distance path to person (m)")
     axes.set_ylim(bottom=0.0)
     handles, labels = axes.get_legend_handles_labels()

@@ -5,35 +5,54 @@ from __future__ import annotations
 import ctypes
 import functools
 import itertools
+import re
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from decision_answers import Answer, Array
 
 pytest.importorskip("casadi", reason="needs the optional package casadi")
 
 from workbench.codegen import MonitorSpec
-from workbench.codegen.bundle import bundle_files
+from workbench.codegen.bundle import LEVELS, bundle_files, operating_region
 from workbench.codegen.compiler import FLAGS, compile_shared
-from workbench.codegen.native_calls import load_function
+from workbench.codegen.decision_source import DecisionSizes, decision_layout, decision_source
+from workbench.models.bicycle import PathFrame
 from workbench.models.vehicle import gem_e2
 from workbench.runtime.manifest import (
     LIBRARY_FILE,
     MANIFEST_FILE,
     SOURCE_FILE,
+    Field,
     Manifest,
     manifest_from_json,
 )
 from workbench.runtime.path import PathTable
+from workbench.runtime.person_guard import Disc, Guard, MotionLimits, guard_disc
+from workbench.runtime.person_tubes import (
+    FOREVER_S,
+    DiscPiece,
+    Person,
+    PersonTube,
+    TrackedPerson,
+    TubeKind,
+    packed,
+    tracked,
+)
 
-Array = NDArray[np.float64]
 HORIZON_S, STEP_S = 3.0, 0.05
 BODY = (2.26, 0.47, 0.8825)
 SAFE, UNPROVED, INVALID = 0.0, 1.0, 2.0
-COMPLETE, LEFT_REGION, NO_ENCLOSURE, BAD_INPUT = 0.0, 1.0, 2.0, 4.0
+COMPLETE, LEFT_REGION, NO_ENCLOSURE, BAD_INPUT, UNFINISHED = 0.0, 1.0, 2.0, 4.0, 5.0
+PROVED, NOT_PREDICTED, NOT_ASKED = 0.0, 1.0, 3.0
+BUDGET = 3000
+SHARES = tuple(level.share for level in LEVELS)
+# A command one period after the next check, at a monitor of 30 Hz.
+SWITCH_S, BRAKE_S = (0.15, 0.1834), (0.0, 0.0834)
 
 
 @functools.cache
@@ -54,57 +73,74 @@ def write_real_bundle(folder: Path) -> Path:
     return folder
 
 
-class Answer:
-    """One result buffer, read by field."""
+@dataclass(frozen=True, slots=True)
+class Text:
+    """C text of a kernel, and how its queries and results are laid out."""
 
-    def __init__(self, numbers: Array) -> None:
-        self.numbers = numbers
-        self._fields = {field.name: field.span for field in real_manifest().result}
+    source: str
+    query: tuple[Field, ...]
+    result: tuple[Field, ...]
 
-    def scalar(self, name: str) -> float:
-        return float(self.numbers[self._fields[name]][0])
+    def edited(self, *edits: tuple[str, str]) -> Text:
+        """Places of the text changed, each pattern matching once."""
+        source = self.source
+        for pattern, replacement in edits:
+            source, count = re.subn(pattern, replacement, source)
+            assert count == 1, (pattern, count)
+        return Text(source, self.query, self.result)
 
-    def rows(self, name: str, width: int) -> Array:
-        return self.numbers[self._fields[name]].reshape(-1, width)[: self.steps]
 
-    @property
-    def verdict(self) -> float:
-        return self.scalar("verdict")
+@functools.cache
+def real_text() -> Text:
+    manifest = real_manifest()
+    return Text(real_files()[SOURCE_FILE].decode(), manifest.query, manifest.result)
 
-    @property
-    def status(self) -> float:
-        return self.scalar("status")
 
-    @property
-    def steps(self) -> int:
-        return int(self.scalar("steps_done"))
+@functools.cache
+def text_of(*, levels: int = 3, deciding: int = 0, budget: int = BUDGET) -> Text:
+    """The text for the shipped vehicle under other levels or another budget."""
+    vehicle = gem_e2()
+    track = vehicle.closed_loop(vehicle.track(), PathFrame(-0.5, 0.5)).ode
+    sizes = DecisionSizes(60, STEP_S, levels, deciding, budget)
+    brake = vehicle.brake.mode()
+    layout = decision_layout(track, brake, sizes)
+    return Text(decision_source(track, brake, operating_region(vehicle), sizes), *layout)
 
 
 class DecisionKernel:
     """`wb_decide`, called on arrays; `fill` is what its buffers hold before a call."""
 
-    def __init__(self, library: bytes) -> None:
-        self._entry = load_function(library, "wb_decide")
-        sizes = real_manifest().kernel
-        self._result, self._work = np.zeros(sizes.result_size), np.zeros(sizes.work_size)
+    def __init__(self, library: bytes, text: Text) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "kernel.so"
+            path.write_bytes(library)
+            self.handle = ctypes.CDLL(str(path))
+        self.handle["wb_work_size"].restype = ctypes.c_longlong
+        self._fields = {field.name: field.span for field in text.result}
+        last = text.result[-1]
+        self._result = np.zeros(last.offset + last.count)
+        self._work = np.zeros(self.handle["wb_work_size"]())
 
     def __call__(self, query: Array, *, fill: float = float("nan")) -> Answer:
         self._result[:] = fill
         self._work[:] = fill
         buffers = (np.ascontiguousarray(query), self._result, self._work)
         pointers = [b.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for b in buffers]
-        assert self._entry(*pointers) == 0
-        return Answer(self._result.copy())
+        assert self.handle["wb_decide"](*pointers) == 0
+        return Answer(self._result.copy(), self._fields)
 
 
 @functools.cache
-def kernel(optimisation: str = "-O2") -> DecisionKernel:
-    """The kernel with the bundle's flags, but for the optimisation."""
-    if optimisation == "-O2":
-        return DecisionKernel(real_files()[LIBRARY_FILE])
+def kernel() -> DecisionKernel:
+    """The kernel of the bundle."""
+    return DecisionKernel(real_files()[LIBRARY_FILE], real_text())
+
+
+@functools.cache
+def compiled(text: Text, optimisation: str = "-O0") -> DecisionKernel:
+    """A kernel of any text; plain builds give the same bits and are made soonest."""
     flags = tuple(optimisation if flag == "-O2" else flag for flag in FLAGS)
-    source = real_files()[SOURCE_FILE].decode()
-    return DecisionKernel(compile_shared(source, flags=flags).shared_object)
+    return DecisionKernel(compile_shared(text.source, flags=flags).shared_object, text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +158,9 @@ class Start:
         signs = np.vstack([signs, chance.uniform(-1.0, 1.0, (count, 7))])
         states: Array = np.array(self.center) + signs * np.array(self.radius)
         return states.T
+
+    def scaled(self, share: float) -> Start:
+        return Start(self.center, tuple(share * r for r in self.radius), self.reference_mps)
 
 
 STARTS = {
@@ -143,11 +182,46 @@ STARTS = {
     ),
 }
 
+Seen = Sequence[float] | TrackedPerson
+
+
+def guarded(numbers: Sequence[float], *, spread_mps: float = 0.2) -> TrackedPerson:
+    """Somebody with the disc `numbers` a second ago for what they intend, and all they can do."""
+    person = Person("", *numbers)
+    piece = DiscPiece(-1.0, *person.numbers)
+    limits = gem_e2().guard
+    place = Disc(person.x_m, person.y_m, person.radius_m)
+    velocity = Disc(person.vx_mps, person.vy_mps, spread_mps)
+    guard = Guard(0.0, place, velocity, MotionLimits(limits.speed_max_mps, limits.accel_max_mps2))
+    intent = PersonTube(TubeKind.INTENT, ((piece,),), FOREVER_S)
+    return TrackedPerson("", (intent, guard_disc(guard, from_s=-1.0, until_s=FOREVER_S)))
+
+
+def people_fields(people: Sequence[Seen]) -> dict[str, Sequence[float]]:
+    """Seven numbers are a disc that somebody intends to stay in."""
+    seen = [p if isinstance(p, TrackedPerson) else tracked(Person("", *p)) for p in people]
+    numbers = packed(seen)
+    return {
+        "people_count": [numbers.count], "people_tubes": numbers.tubes,
+        "tubes_count": [sum(len(person.tubes) for person in seen)],
+        "people_pieces": numbers.pieces,
+    }  # fmt: skip
+
+
+def nested(start: Start, shares: Sequence[float] = SHARES) -> dict[str, Sequence[float]]:
+    """The start's box about its centre, scaled by each share."""
+    return {
+        "initial_center": start.center * len(shares),
+        "initial_radius": [share * r for share in shares for r in start.radius],
+    }
+
 
 def query(
     path: PathTable,
     start: Start,
-    people: Sequence[Sequence[float]] = (),
+    people: Sequence[Seen] = (),
+    fields: Sequence[Field] | None = None,
+    /,
     **changed: Sequence[float],
 ) -> Array:
     """A query vector; `changed` replaces fields by name, missing numbers are zero."""
@@ -156,18 +230,19 @@ def query(
     names = [p.name for p in manifest.parameters]
     parameters[names.index("reference_speed")] = start.reference_mps
     values: Mapping[str, Sequence[float]] = {
-        "initial_center": start.center, "initial_radius": start.radius, "parameters": parameters,
+        **nested(start), "parameters": parameters,
         "path_count": [len(path.x)], "path_start_m": [path.start_m],
         "path_spacing_m": [path.spacing_m], "path_x": path.x, "path_y": path.y,
         "path_heading": path.heading, "path_curvature_lower": path.curvature_lower,
         "path_curvature_upper": path.curvature_upper, "front_m": BODY[:1], "rear_m": BODY[1:2],
-        "half_width_m": BODY[2:], "people_count": [len(people)],
-        "people": [number for person in people for number in person],
-        "clearance_required_m": [0.2], **changed,
+        "half_width_m": BODY[2:], **people_fields(people),
+        "clearance_required_m": [0.2], "switch_s": SWITCH_S, "brake_s": BRAKE_S, **changed,
     }  # fmt: skip
-    numbers = np.zeros(manifest.kernel.query_size)
-    for field in manifest.query:
+    fields = manifest.query if fields is None else fields
+    numbers = np.zeros(fields[-1].offset + fields[-1].count)
+    for field in fields:
         given = values.get(field.name, field.default or ())
+        assert len(given) <= field.count, field.name
         numbers[field.offset : field.offset + len(given)] = given
     return numbers
 

@@ -6,7 +6,8 @@ import functools
 from collections.abc import Callable
 
 import numpy as np
-from decision_fixture import BODY, STARTS, STEP_S, Answer, Array, Start, kernel, query
+from decision_answers import Array, TubeAnswer
+from decision_fixture import BODY, STARTS, STEP_S, Start, kernel, query
 
 from workbench.models.bicycle import PathFrame
 from workbench.models.spline_path import SplinePath
@@ -142,10 +143,10 @@ def simulate(
 
 
 @functools.cache
-def exact_runs(where: str, start: str) -> tuple[Answer, Array]:
-    """The kernel's answer to a start on a path, and runs along that very path while it holds."""
+def exact_runs(where: str, start: str) -> tuple[TubeAnswer, Array]:
+    """The tube of TRACK from a start on a path, and runs along that very path while it holds."""
     path, box = paths()[where], STARTS[start]
-    answer = kernel()(query(path.table, box))
+    answer = kernel()(query(path.table, box)).track
     states = box.states(RANDOM_POINTS, np.random.default_rng(7))
     return answer, simulate(box, states, path.curvature, steps=answer.steps)
 

@@ -139,7 +139,7 @@ def _nearer(people, rectangle, times, skew, answer, rng):  # type: ignore[no-unt
     low, high = times[0] + skew[0], times[1] + skew[1]
     for person in people:
         for tube in person.tubes:
-            starts = [start for _, piece in tube.pieces for start in (piece.from_s,)]
+            starts = [piece.from_s for bound in tube.bounds for piece in bound]
             beside = [s + d for s in starts for d in (-1e-9, 0.0) if low <= s + d <= high]
             for tau in [low, high, *beside, *rng.uniform(low, high, 2)]:
                 points = places_of(tube, tau, rng, 40)

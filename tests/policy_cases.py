@@ -66,7 +66,8 @@ class Drive:
 
     def __init__(self, policy: FailSafe = FAIL_SAFE) -> None:
         self.policy, self.car, self.now_s = policy, Car(braking_s=0.0), 0.0
-        self.state = policy.start(0.0)
+        # The sender turns from the start, so that BRAKE is sent before anything is measured.
+        self.state, _ = policy.turn(policy.start(0.0), 0.0)
 
     def ask(self, **changes: Any) -> Outcome:
         """One check, stamped now."""

@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable
 
 from workbench.claims import Assumption, Rigor, Verdict
-from workbench.runtime import Action, Decision, Observation
+from workbench.runtime import Action, Decision, MotionLimits, Observation
+from workbench.runtime.policies import Alert, Hypothesis, Outcome, Turn, Violation
 from workbench.simulation.recording import (
     PersonSample,
     Recording,
@@ -15,31 +16,53 @@ from workbench.simulation.recording import (
     VehicleSample,
 )
 
+LIMITS = MotionLimits(2.5, 1.5)
+
 
 class Scripted:
-    """Keeps what it was shown; brakes where `unproved(observation)` holds."""
+    """Keeps what it was shown; brakes where `unproved(observation)` holds; sends what it said
+    last, TRACK at first."""
 
     def __init__(self, unproved: Callable[[Observation], bool] = lambda observation: False) -> None:
         self.seen: list[Observation] = []
+        self.turns: list[float] = []
         self._unproved = unproved
+        self._action = Action.TRACK
 
     def step(self, observation: Observation) -> Decision:
         self.seen.append(observation)
         braking = self._unproved(observation)
+        verdict = Verdict.UNPROVED if braking else Verdict.SAFE
+        self._action = Action.BRAKE if braking else Action.TRACK
+        violation = Violation(Hypothesis.PEOPLE, "p left the guard", refutes_plan=True)
+        ahead = Outcome("LookAhead", verdict, self._action, "as told", (), None, None)
+        safe = Outcome("FailSafe", Verdict.SAFE, Action.TRACK, "safe", (), None, 1.5)
         return Decision(
-            verdict=Verdict.UNPROVED if braking else Verdict.SAFE,
-            action=Action.BRAKE if braking else Action.TRACK,
+            verdict=verdict,
+            action=self._action,
             reason="as told",
+            brake_from_s=observation.stamp_s + 0.15,
+            look_ahead=ahead,
+            fail_safe=safe,
+            violations=(violation,) if braking else (),
+            alert=Alert("p", "not even braking helps") if braking else None,
             clearance_m=0.25 * len(self.seen) if observation.people else None,
             clearance_time_s=1.0 if observation.people else None,
             clearance_person=observation.people[0].name if observation.people else None,
-            assumptions=(Assumption("told", "it was told so", "none"),),
             occupancy=((1.0, 2.0, 0.1, 2.4, 0.912345),),
             tube_lower=(),
             tube_upper=(),
+            stop_occupancy=((1.5, 2.5, 0.2, 2.5, 0.987654),),
+            level_verdicts={"track": (verdict, Verdict.SAFE), "stop": (Verdict.SAFE,) * 2},
+            deciding_level="whole",
+            assumptions=(Assumption("told", "it was told so", "none"),),
             elapsed_s=0.001 * len(self.seen),
             rigor=Rigor.NUMERICAL,
         )
+
+    def turn(self, now_s: float) -> Turn:
+        self.turns.append(now_s)
+        return Turn(self._action, None)
 
 
 def on_circle(t_s: float, *, radius_m: float, speed_mps: float, ahead_m: float) -> VehicleSample:

@@ -12,7 +12,7 @@ from workbench.report.demo import DemoReport
 from workbench.report.page import Claim
 from workbench.report.replay import ReplayReport
 from workbench.report.tables import Table
-from workbench.simulation.frames import Frame, PersonFrame
+from workbench.simulation.frames import Frame, LevelVerdicts, PersonFrame, PolicyAnswer
 
 NAMES = ("x", "y", "steering", "speed", "heading", "speed_integral", "offset_integral")
 UNITS = ("m", "m", "rad", "m/s", "rad", "m", "m s")
@@ -97,7 +97,8 @@ def growths() -> tuple[Growth, ...]:
 def person(name: str, t_s: float, start: tuple[float, float], steps: int) -> PersonFrame:
     x, y = start[0], start[1] + 0.9 * t_s
     discs = tuple((x, y + 0.9 * k * 0.05, 0.3 + 0.4 * k * 0.05) for k in range(steps + 1))
-    return PersonFrame(name, x, y, 0.3, discs)
+    guarded = tuple((x, y + 0.45 * k, 0.4 + 0.5 * k) for k in range(5))
+    return PersonFrame(name, x, y, 0.3, discs, guarded)
 
 
 def frame(t_s: float, names: tuple[str, ...], *, steps: int = 60) -> Frame:
@@ -127,6 +128,23 @@ def frame(t_s: float, names: tuple[str, ...], *, steps: int = 60) -> Frame:
             for k, name in enumerate(names)
         ),
         path=tuple((0.5 * k, 0.1 * math.sin(0.5 * k)) for k in range(60)),
+        stop_occupancy=occupancy[: steps // 2],
+        sent="TRACK" if gap > 4.0 else "BRAKE",
+        policies=_policies(verdict, gap, names[0]),
+        levels=(
+            LevelVerdicts("track", (verdict, Verdict.SAFE, Verdict.SAFE)),
+            LevelVerdicts("stop", (Verdict.UNPROVED, verdict, Verdict.SAFE)),
+        ),
+        violations=(f"PEOPLE: {names[0]} left the guard",) if 0.0 < gap < 2.0 else (),
+        alert=f"{names[0]}: braking is not proved to keep clear" if gap < 1.5 else None,
+    )
+
+
+def _policies(verdict: Verdict, gap: float, name: str) -> tuple[PolicyAnswer, ...]:
+    safe = Verdict.SAFE if gap > 6.0 else Verdict.UNPROVED
+    return (
+        PolicyAnswer("LookAhead", verdict, "TRACK", f"as expected of {name}"),
+        PolicyAnswer("FailSafe", safe, "BRAKE", f"no new plan: near {name}"),
     )
 
 
@@ -152,6 +170,7 @@ def demo_report() -> DemoReport:
         samples=samples(),
         growths=growths(),
         frames=frames(),
+        deciding="both",
         numbers=(Table("times", ("what", "median (ms)"), (("decision", 0.42), ("load", 80.0))),),
         assumptions=ASSUMPTIONS,
     )

@@ -16,7 +16,9 @@ from runtime_fixture import compiled, fake_manifest, fake_source, write_bundle
 from workbench.errors import InputError
 from workbench.runtime import load_bundle
 from workbench.runtime.manifest import (
+    CHECKED_FILES,
     CHECKSUM_FILE,
+    HEADER_FILE,
     LIBRARY_FILE,
     MANIFEST_FILE,
     SOURCE_FILE,
@@ -46,7 +48,7 @@ def test_the_untouched_bundle_loads_and_sha256sum_agrees(bundle: Path) -> None:
         subprocess.run(["sha256sum", "--check", "--strict", CHECKSUM_FILE], cwd=bundle, check=True)
 
 
-@pytest.mark.parametrize("name", [MANIFEST_FILE, LIBRARY_FILE, SOURCE_FILE])
+@pytest.mark.parametrize("name", CHECKED_FILES)
 def test_a_flipped_byte_names_the_file_before_loading(
     bundle: Path, name: str, no_loading: None
 ) -> None:
@@ -72,7 +74,9 @@ def test_every_flipped_bit_of_the_checksums_is_refused(bundle: Path, no_loading:
                 load_bundle(bundle)
 
 
-@pytest.mark.parametrize("name", [MANIFEST_FILE, LIBRARY_FILE, SOURCE_FILE, CHECKSUM_FILE])
+@pytest.mark.parametrize(
+    "name", [MANIFEST_FILE, LIBRARY_FILE, SOURCE_FILE, HEADER_FILE, CHECKSUM_FILE]
+)
 def test_a_missing_or_cut_file_is_named(bundle: Path, name: str, no_loading: None) -> None:
     content = (bundle / name).read_bytes()
     (bundle / name).write_bytes(content[:-1])
@@ -159,7 +163,7 @@ def test_a_machine_without_bundles_is_told_which_ones_have_them(
 
 def test_a_manifest_that_is_not_utf8_is_refused(bundle: Path, no_loading: None) -> None:
     (bundle / MANIFEST_FILE).write_bytes(b"\xff{}")
-    files = {n: (bundle / n).read_bytes() for n in (MANIFEST_FILE, LIBRARY_FILE, SOURCE_FILE)}
+    files = {n: (bundle / n).read_bytes() for n in CHECKED_FILES}
     (bundle / CHECKSUM_FILE).write_text(checksums_text(files))
     with pytest.raises(InputError, match="expected UTF-8"):
         load_bundle(bundle)

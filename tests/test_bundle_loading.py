@@ -34,7 +34,7 @@ def _values() -> dict[str, list[float]]:
     values = {field.name: [0.0] * field.count for field in QUERY if field.default is None}
     values["path_spacing_m"] = [0.5]
     values["path_count"] = [128.0]
-    values["initial_center"][3] = 2.0
+    values["initial_center"] = [0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0] * 3
     return values
 
 
@@ -46,8 +46,8 @@ def bundle(tmp_path: Path) -> Bundle:
 def test_a_call_fills_defaults_and_reads_fields_back(bundle: Bundle) -> None:
     result = bundle.call(_values())
     assert result.code == 0
-    assert result.scalar("verdict") == 0.0
-    rows = result.rows("tube_upper", width=7, count=STEPS)
+    assert result.scalar("track_verdicts") == 0.0
+    rows = result.rows("track_upper", width=7, count=STEPS)
     assert len(rows) == STEPS
     assert rows[-1][0] == pytest.approx(6.0)
     assert rows[59] == rows[-1]
@@ -60,9 +60,9 @@ def test_a_call_fills_defaults_and_reads_fields_back(bundle: Bundle) -> None:
 def test_a_result_outlives_the_next_call(bundle: Bundle) -> None:
     first = bundle.call(_values())
     values = _values()
-    values["initial_center"][3] = 1.0
+    values["initial_center"] = [0.0] * 21
     bundle.call(values)
-    assert first.rows("tube_upper", width=7, count=STEPS)[-1][0] == pytest.approx(6.0)
+    assert first.rows("track_upper", width=7, count=STEPS)[-1][0] == pytest.approx(6.0)
 
 
 def test_a_default_left_out_after_use_is_the_default_again(bundle: Bundle) -> None:
@@ -75,11 +75,22 @@ def test_queries_of_a_wrong_shape_are_refused(bundle: Bundle) -> None:
     values = _values()
     with pytest.raises(InputError, match="has no field 'speed'"):
         bundle.call(values | {"speed": [1.0]})
-    with pytest.raises(InputError, match="'initial_radius': expected 7 numbers, got 6"):
+    with pytest.raises(InputError, match="'initial_radius': expected 21 numbers, got 6"):
         bundle.call(values | {"initial_radius": [0.0] * 6})
-    del values["people"]
-    with pytest.raises(InputError, match=r"lacks \['people'\]"):
+    with pytest.raises(InputError, match="'people_tubes': expected 640 numbers, got 641"):
+        bundle.call(values | {"people_tubes": [0.0] * 641})
+    del values["people_count"]
+    with pytest.raises(InputError, match=r"lacks \['people_count'\]"):
         bundle.call(values)
+
+
+def test_what_is_left_out_of_the_crowd_is_zero_also_after_a_longer_one(bundle: Bundle) -> None:
+    somebody = _values() | {"people_count": [1.0], "tubes_count": [1.0]}
+    full = bundle.call(somebody | {"people_pieces": [math.nan] * 9216})
+    assert full.scalar("status") == 4.0
+    short = bundle.call(somebody | {"people_tubes": [0.0, 0.0, 9.0, 0.0, 1.0], "people_pieces": ()})
+    assert short.scalar("status") == 0.0
+    assert short.scalar("track_intent") < 0.0
 
 
 def test_two_bundles_in_one_process_keep_their_own_code(tmp_path: Path) -> None:
@@ -91,8 +102,8 @@ def test_two_bundles_in_one_process_keep_their_own_code(tmp_path: Path) -> None:
             change=lambda m: replace(m, golden=m.golden[1:]),
         )
     )  # fmt: skip
-    assert first.call(_values()).rows("tube_upper", width=7, count=STEPS)[-1][0] > 5.9
-    assert other.call(_values()).rows("tube_upper", width=7, count=STEPS)[-1][0] < 3.1
+    assert first.call(_values()).rows("track_upper", width=7, count=STEPS)[-1][0] > 5.9
+    assert other.call(_values()).rows("track_upper", width=7, count=STEPS)[-1][0] < 3.1
 
 
 def test_the_loaded_bytes_are_the_hashed_ones_even_if_the_file_changes(
@@ -135,13 +146,13 @@ def test_without_memfd_a_private_file_serves(
         ("return QUERY_SIZE;", "return QUERY_SIZE - 1;", r"wb_query_size\(\) of kernel.so says"),
         ("return RESULT_SIZE;", "return 1;", r"wb_result_size\(\) of kernel.so says 1, the man"),
         ("return 4;", "return 5;", r"wb_work_size\(\) of kernel.so says 5, the manifest says 4"),
-        ("q[Q_front_m], q", "1e-9 + q[Q_front_m], q", "golden vector 0: clearance_m"),
-        ("r[R_verdict] = 2.0; r", "r[R_verdict] = 1.0; r", "golden vector 1: verdict"),
-        ("r[i] = 0.0;", "r[i] = -0.0;", "golden vector 1: steps_done"),
+        ("d[1];", "d[1] + 1e-9;", "golden vector 0: track_occupancy"),
+        ("result[R_status] = 4.0; r", "result[R_status] = 3.0; r", "golden vector 1: status"),
+        ("result[i] = 0.0;", "result[i] = -0.0;", "golden vector 0: status"),
         ("#include <math.h>", "#include <math.h>\nextern int absent(void);\n#define hypot(a, b) "
          "(hypot(a, b) + absent())", "cannot be loaded"),
         ("if (kind == 1) return 7;", "return 3;", "expected the kernel to return 0, got 3"),
-        ("work[0] = best;", "fesetround(FE_UPWARD);", "rounding is not to nearest"),
+        ("work[0] = r[T_intent];", "fesetround(FE_UPWARD);", "rounding is not to nearest"),
     ],
 )  # fmt: skip
 def test_a_library_that_differs_from_its_manifest_is_refused(
@@ -160,12 +171,12 @@ def test_a_library_that_differs_from_its_manifest_is_refused(
 def test_a_golden_vector_that_is_off_by_one_bit_is_refused(tmp_path: Path) -> None:
     def change(manifest: Manifest) -> Manifest:
         golden = manifest.golden[0]
-        place = next(f.offset for f in manifest.result if f.name == "tube_upper")
+        place = next(f.offset for f in manifest.result if f.name == "track_upper")
         nudged = list(golden.result)
         nudged[place] = math.nextafter(nudged[place], math.inf)
         return replace(manifest, golden=(replace(golden, result=tuple(nudged)),))
 
-    with pytest.raises(InputError, match=r"golden vector 0: tube_upper\[0\] is 0x.*promised 0x"):
+    with pytest.raises(InputError, match=r"golden vector 0: track_upper\[0\] is 0x.*promised 0x"):
         load_bundle(write_bundle(tmp_path, change=change))
 
 

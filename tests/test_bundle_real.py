@@ -19,7 +19,7 @@ from workbench.codegen import MonitorSpec, build_bundle
 from workbench.errors import InputError
 from workbench.models.vehicle import gem_e2
 from workbench.runtime import load_bundle
-from workbench.runtime.layout import KERNEL_VERDICTS
+from workbench.runtime.layout import KERNEL_VERDICTS, TUBES
 from workbench.runtime.manifest import CHECKSUM_FILE, LIBRARY_FILE, MANIFEST_FILE, checksums_text
 
 ROOT = Path(__file__).parent.parent
@@ -29,14 +29,23 @@ _START = """
 import sys, time
 started = time.perf_counter()
 import workbench.runtime
-from workbench.runtime import Monitor, Observation, PathTable, Person, load_bundle
+from workbench.runtime import (
+    Deciding, Disc, Guard, Monitor, MotionLimits, Observation, ObservedPerson, PathTable, Person,
+    Timing, Watched, load_bundle,
+)
 n = 400
 path = PathTable(-10.0, 0.25, tuple(0.25 * j - 10.0 for j in range(n)), (0.0,) * n, (0.0,) * n,
                  (0.0,) * (n - 1), (0.0,) * (n - 1))
-monitor = Monitor(load_bundle(sys.argv[1]), path, release_steps=1, clearance_required_m=0.2)
+bundle = load_bundle(sys.argv[1])
+timing = Timing(period_s=0.1, latency_s=9.0, send_gap_s=0.04)
+monitor = Monitor(bundle, path, release_steps=1, clearance_required_m=0.2, timing=timing,
+                  deciding=Deciding.LOOK_AHEAD)
+aside = Person("aside", 5.0, 6.0, 0.5, 0.0, 0.3, 0.1, 0.1)
+limits = MotionLimits(bundle.manifest.guard_speed_max_mps, bundle.manifest.guard_accel_max_mps2)
+guard = Guard(0.0, Disc(5.0, 6.0, 0.3), Disc(0.5, 0.0, 0.1), limits)
 seen = Observation((-0.05, 0.05), (-0.05, 0.05), (-0.01, 0.01), (-0.005, 0.005), (2.7, 2.8),
-                   (0, 0), (0, 0), 2.8,
-                   people=(Person("aside", 5.0, 6.0, 0.5, 0.0, 0.3, 0.1, 0.1),))
+                   (0, 0), (0, 0), 2.8, people=(ObservedPerson("aside", (aside.intent,), guard),),
+                   stamp_s=time.monotonic(), watched=Watched(0.0, 0.0, 50.0))
 first = monitor.step(seen)
 cold_s = time.perf_counter() - started
 import json
@@ -69,9 +78,11 @@ def test_a_process_decides_soon_after_it_starts(
 
 def test_the_golden_vectors_tell_the_verdicts_apart() -> None:
     manifest = real_manifest()
-    place = next(f.offset for f in manifest.result if f.name == "verdict")
-    verdicts = {KERNEL_VERDICTS[int(golden.result[place])] for golden in manifest.golden}
-    assert verdicts == {Verdict.SAFE, Verdict.UNPROVED, Verdict.INVALID}
+    for tube in TUBES:
+        span = next(f.span for f in manifest.result if f.name == f"{tube}_verdicts")
+        numbers = {number for golden in manifest.golden for number in golden.result[span]}
+        verdicts = {KERNEL_VERDICTS[int(number)] for number in numbers}
+        assert verdicts == {Verdict.SAFE, Verdict.UNPROVED, Verdict.INVALID}, tube
     assert any(math.isnan(number) for golden in manifest.golden for number in golden.query)
 
 
@@ -86,6 +97,13 @@ def test_the_manifest_says_what_was_built() -> None:
     region = vehicle.operation.region
     for name in region.names:
         assert manifest.region.interval(name) == region.interval(name)
+    assert [level.share for level in manifest.levels] == [1.0, 2 / 3, 1 / 3]
+    assert (manifest.deciding_level, manifest.deciding) == ("whole", "both")
+    assert manifest.brake.deceleration_min_mps2 == vehicle.brake.deceleration_min_mps2
+    assert manifest.brake.delay_s == vehicle.brake.delay_s
+    assert manifest.brake.build_up_s == vehicle.brake.build_up_s
+    assert manifest.guard_speed_max_mps == vehicle.guard.speed_max_mps
+    assert manifest.guard_accel_max_mps2 == vehicle.guard.accel_max_mps2
     assert {"model", "initial set", "people", "sight"} <= {a.name for a in manifest.assumptions}
 
 
@@ -145,9 +163,12 @@ def test_building_twice_gives_the_same_bytes_and_replaces_only_bundles(tmp_path:
     other = tmp_path / "papers"
     other.mkdir()
     (other / "thesis.txt").write_text("years of work")
-    with pytest.raises(InputError, match="exists and is not a bundle"):
-        build_bundle(spec, other)
-    assert [path.name for path in other.iterdir()] == ["thesis.txt"]
+    # A manifest.json makes no bundle of somebody's folder.
+    (other / MANIFEST_FILE).write_text("{}")
+    for refused in (other, other / "thesis.txt"):
+        with pytest.raises(InputError, match="exists and is not a bundle"):
+            build_bundle(spec, refused)
+    assert sorted(path.name for path in other.iterdir()) == [MANIFEST_FILE, "thesis.txt"]
 
 
 @pytest.mark.parametrize(

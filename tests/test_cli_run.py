@@ -45,9 +45,22 @@ def test_build_leaves_a_bundle_that_loads(
     assert main(["build", *_QUICK, "--out", str(out), "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert (data["folder"], data["steps"], data["rigor"]) == (str(out), 60, "ENCLOSED")
+    assert (data["deciding"], data["deciding_level"]) == ("both", "whole")
+    assert list(data["levels"]) == ["whole", "two thirds", "one third"]
     assert {path.name: path.read_bytes() for path in out.iterdir()} == real_files()
     assert _names(tmp_path) == {"bundle"}
     assert load_bundle(out).manifest.name == "GEM e2"
+
+
+def test_build_names_the_policy_and_the_set_that_decide(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "bundle"
+    chosen = ["--deciding", "FailSafe", "--deciding-level", "two thirds"]
+    assert main(["build", "--horizon", "0.1", "--step", "0.05", *chosen, "--out", str(out)]) == 0
+    assert "deciding: FailSafe, for the level 'two thirds'" in capsys.readouterr().out
+    manifest = load_bundle(out).manifest
+    assert (manifest.deciding, manifest.deciding_level) == ("FailSafe", "two thirds")
 
 
 def test_replay_writes_log_and_report_and_one_summary_line(
@@ -60,6 +73,8 @@ def test_replay_writes_log_and_report_and_one_summary_line(
     assert lines[0].startswith("peopled: 31 queries (")
     for figure in ("braked", "smallest separation", "(p1 at", "median", "p99", "open-loop"):
         assert figure in lines[0]
+    for said in ("LookAhead SAFE", "FailSafe SAFE", "violations none", "alerts "):
+        assert said in lines[0]
     assert lines[-1].endswith(f"report {out / 'report.html'}")
     assert _names(out) == {"replay.jsonl", "report.html"}
     _is_offline_report(out / "report.html")
@@ -69,6 +84,26 @@ def test_replay_writes_log_and_report_and_one_summary_line(
     assert len(logged) == 32
     assert [entry["t_s"] for entry in logged[1:]] == sorted(entry["t_s"] for entry in logged[1:])
     assert {entry["rigor"] for entry in logged[1:]} == {"NUMERICAL"}
+    assert logged[0]["format"] == 2
+    assert list(logged[0]["levels"]) == ["whole", "two thirds", "one third"]
+    for entry in logged[1:]:
+        # LookAhead decides, though the bundle names both.
+        ahead, safe = entry["policies"]
+        assert (ahead["policy"], safe["policy"]) == ("LookAhead", "FailSafe")
+        assert (entry["verdict"], entry["action"]) == (ahead["verdict"], ahead["action"])
+        assert [level["tube"] for level in entry["levels"]] == ["track", "stop", "brake"]
+
+
+def test_replaying_twice_gives_the_same_log_but_for_the_time_it_took(
+    recordings: Path, tmp_path: Path
+) -> None:
+    bundle, logs = write_real_bundle(tmp_path / "bundle"), []
+    for name in ("once", "again"):
+        words = ["replay", recordings, "--recording", "peopled", "--bundle", bundle]
+        assert main([str(word) for word in (*words, "--out", tmp_path / name)]) == 0
+        lines = (tmp_path / name / "replay.jsonl").read_text().splitlines()
+        logs.append([json.loads(line) | {"elapsed_s": 0.0} for line in lines])
+    assert logs[0] == logs[1]
 
 
 def test_replay_without_people_or_bundle_builds_one_and_says_so(
@@ -105,11 +140,16 @@ def test_demo_runs_the_whole_chain(
     shown = capsys.readouterr()
     assert shown.out.splitlines()[-1] == f"report: {out / 'report.html'}"
     assert "demo: 100%" in shown.err
+    story = shown.out.splitlines()[-2]
+    assert story.startswith("Crossing: 300 queries (")
+    for part in ("violations none", "the car set off at 0.4 s, braked", "tracking for good"):
+        assert part in story
     assert _names(out) == {"bundle", "report.html"}
     _is_offline_report(out / "report.html")
     load_bundle(out / "bundle")
     page = (out / "report.html").read_text(encoding="utf-8")
     (claim,) = re.findall(r"<li>(?:(?!<li>).)*?Monitor decisions, under", page)
+    assert "Deciding: both." in page
     # The bundle's tube is proved; the coordinates it is asked in are not, to the last bit.
     assert "NUMERICAL" in claim
     assert "ENCLOSED" not in claim

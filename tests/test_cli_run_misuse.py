@@ -135,6 +135,21 @@ def test_a_bundle_too_large_to_compile_is_refused_in_the_library_too(
     assert MonitorSpec(gem_e2(), 8.75, 0.025).steps == 350
 
 
+@pytest.mark.parametrize(
+    ("command", "option", "known"),
+    [
+        ("build", "--deciding", ("both", "LookAhead", "FailSafe")),
+        ("build", "--deciding-level", ("whole", "two thirds", "one third")),
+    ],
+)
+def test_who_decides_must_exist(
+    command: str, option: str, known: tuple[str, ...], tmp_path: Path, capsys: Any
+) -> None:
+    assert main([command, option, "neither", "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert all(name in said for name in ("'neither'", *known))
+
+
 def test_a_failed_compilation_leaves_no_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]
 ) -> None:

@@ -183,9 +183,13 @@ def test_braking_counts_from_when_it_was_first_commanded() -> None:
     drive = tracking()
     behind = measured(dataclasses.replace(drive.car, station_m=-9.0), 0.0, 0.0)
     drive.ask(measured=(behind,))
-    begun_s = drive.state.braking_s
-    assert begun_s == drive.now_s
-    drive.send(begun_s + 0.05)
+    # No turn has sent BRAKE yet: what is measured now says nothing about when the car stands.
+    assert drive.state.braking_s == math.inf
+    assert drive.ask().brake_from_s == drive.now_s
+    assert drive.state.stands_s == math.inf
+    begun_s = drive.now_s + 0.01
+    drive.send(begun_s + 0.04)
+    assert drive.state.braking_s == begun_s
     drive.ask(people=(changed_person(drive.now_s, velocity=Disc(9.0, 0.0, 0.1)),))
     assert drive.state.braking_s == begun_s
 
@@ -254,10 +258,9 @@ def test_somebody_assumed_covers_who_appears_and_who_is_lost(covers: bool) -> No
 def test_people_come_and_go_across_the_watched_edge() -> None:
     drive = tracking()
     x = drive.car.station_m
-    far = SeenPerson("far", Guard(drive.now_s, Disc(x, 29.9, 0.4), Disc(0.0, 0.0, 0.1), LIMITS))
+    far = SeenPerson("far", Guard(drive.now_s, Disc(x, 30.36, 0.4), Disc(0.0, 2.4, 0.1), LIMITS))
     assert drive.ask(people=(person("Ann", drive.now_s), far)).violations == ()
-    gone = Watched(x, 0.0, 29.0)
-    assert drive.ask(watched=gone).violations == ()
+    assert drive.ask(watched=Watched(x, 0.0, 30.0)).violations == ()
 
 
 def test_whoever_was_lost_is_remembered_while_the_car_stands() -> None:

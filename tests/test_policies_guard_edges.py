@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import pytest
@@ -12,6 +13,9 @@ from workbench.runtime.policies import Relation, SeenPerson, Watched
 from workbench.runtime.policies.guards import Scene, people_violations, relation_to, remembered
 
 LIMITS = MotionLimits(2.5, 1.5)
+_violations = functools.partial(
+    people_violations, required=Relation.OVERLAPS, unseen_speed_mps=LIMITS.speed_mps
+)
 # After 2 s: moved by (1.6, -2.4), reach 0.1 2 + 1.5 2^2 / 2 = 3.2 by acceleration, 5 by speed.
 BEFORE = Guard(7.0, Disc(3.0, 4.0, 0.4), Disc(0.8, -1.2, 0.1), LIMITS)
 NOW_S = 9.0
@@ -81,9 +85,7 @@ def test_who_may_have_come_from_beyond(course: tuple[float, float], over: float)
     away = 30.0 - 1.0 - 0.4 + over
     place = Disc(10.0 + away * course[0], -20.0 + away * course[1], 0.4)
     new = SeenPerson("new", Guard(5.4, place, Disc(1.0, 0.0, 0.1), LIMITS))
-    found = people_violations(
-        Scene(5.0, (), WATCHED), Scene(5.4, (new,), WATCHED), required=Relation.OVERLAPS
-    )
+    found = _violations(Scene(5.0, (), WATCHED), Scene(5.4, (new,), WATCHED))
     assert (not found) == (over > 0.0)
 
 
@@ -95,7 +97,7 @@ def test_who_must_have_left(course: tuple[float, float], over: float) -> None:
     place = Disc(10.0 + away * course[0], -20.0 + away * course[1], 0.4)
     left = SeenPerson("left", Guard(7.0, place, Disc(*course, 0.1), LIMITS))
     before, now = Scene(7.0, (left,), WATCHED), Scene(NOW_S, (), WATCHED)
-    assert (not people_violations(before, now, required=Relation.OVERLAPS)) == (over > 0.0)
+    assert (not _violations(before, now)) == (over > 0.0)
     assert (remembered(before, now).people == ()) == (over > 0.0)
 
 
@@ -114,7 +116,7 @@ def test_who_covers_somebody_lost(course: tuple[float, float], over: float) -> N
     ):
         edge = Guard(NOW_S, place, Disc(0.0, 0.0, speed), LIMITS)
         now = Scene(NOW_S, (SeenPerson("edge", edge, assumed=True),), WATCHED)
-        found = people_violations(before, now, required=Relation.OVERLAPS)
+        found = _violations(before, now)
         assert (not found) == covers
 
 
@@ -124,7 +126,7 @@ def test_who_cannot_be_fast_yet_is_covered_by_somebody_slow() -> None:
     for radius, covers in ((0.26, True), (0.24, False)):
         edge = Guard(NOW_S, Disc(20.0, -20.0, 3.0), Disc(0.5, 0.5, radius), LIMITS)
         now = Scene(NOW_S, (SeenPerson("edge", edge, assumed=True),), WATCHED)
-        assert (not people_violations(before, now, required=Relation.OVERLAPS)) == covers
+        assert (not _violations(before, now)) == covers
 
 
 def test_inside_may_be_required_of_who_is_assumed() -> None:
@@ -136,5 +138,15 @@ def test_inside_may_be_required_of_who_is_assumed() -> None:
         (23.5, Relation.OVERLAPS, True),
     ):
         new = SeenPerson("new", Guard(5.1, Disc(x, -20.0, 0.4), Disc(1.0, 0.0, 0.1), LIMITS))
-        found = people_violations(before, Scene(5.1, (new,), WATCHED), required=required)
+        found = _violations(before, Scene(5.1, (new,), WATCHED), required=required)
         assert (not found) == covered
+
+
+def test_who_is_assumed_under_the_name_of_somebody_lost_must_cover_them() -> None:
+    lost = SeenPerson("p", Guard(8.9, Disc(20.0, -20.0, 0.4), Disc(0.5, 0.5, 0.1), LIMITS))
+    before = Scene(8.9, (lost,), WATCHED)
+    for radius, covers in ((3.0, True), (0.3, False)):
+        edge = Guard(NOW_S, Disc(20.0, -20.0, radius), Disc(0.0, 0.0, 2.5), LIMITS)
+        now = Scene(NOW_S, (SeenPerson("p", edge, assumed=True),), WATCHED)
+        assert (not _violations(before, now)) == covers
+        assert (lost in remembered(before, now).people) != covers

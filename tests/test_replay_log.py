@@ -8,19 +8,21 @@ from pathlib import Path
 
 import pytest
 
-from tests.replay_fixture import Scripted, drive, standing
+from tests.replay_fixture import LIMITS, Scripted, drive, standing
 from workbench.errors import InputError
+from workbench.simulation.clock import SetClock
 from workbench.simulation.measures import Measures
 from workbench.simulation.replay import ReplaySettings, replay
 from workbench.simulation.runlog import Entry, plain, read_log, write_log
 
-SETTINGS = ReplaySettings.instrumented_car()
+SETTINGS = ReplaySettings.instrumented_car(LIMITS)
 
 
 @pytest.fixture(scope="module")
 def entries() -> tuple[Entry, ...]:
     recording = drive(people=(standing("p", 8.0, -3.0, first_s=1.0),))
-    return replay(recording, Scripted(lambda o: o.x[0] > 6.0), settings=SETTINGS).entries
+    monitor = Scripted(lambda o: o.x[0] > 6.0)
+    return replay(recording, monitor, clock=SetClock(), settings=SETTINGS).entries
 
 
 def test_round_trip(tmp_path: Path, entries: tuple[Entry, ...]) -> None:
@@ -42,9 +44,47 @@ def test_round_trip(tmp_path: Path, entries: tuple[Entry, ...]) -> None:
         assert found.frame.occupancy == ((1.0, 2.0, 0.1, 2.4, 0.912),)
         assert [p.name for p in found.frame.people] == [p.name for p in made.frame.people]
         assert found.assumptions == made.assumptions == ("told",)
+        assert found.stamp_s == pytest.approx(made.stamp_s, abs=1e-6)
+        assert made.brake_from_s == made.stamp_s + 0.15
         assert (found.nearest, found.rigor) == (made.nearest, "NUMERICAL")
-    assert Measures.of(log.entries).verdicts == Measures.of(entries).verdicts
+        assert (found.brake_from_s, found.deciding_level) == (
+            pytest.approx(made.brake_from_s),
+            "whole",
+        )
+    measured, made_before = Measures.of(log.entries), Measures.of(entries)
+    assert measured.verdicts == made_before.verdicts
+    assert measured.safe_shares == made_before.safe_shares
+    assert (measured.violations, measured.alerts) == (made_before.violations, made_before.alerts)
     assert list(path.parent.iterdir()) == [path]
+
+
+def test_both_policies_every_set_and_all_that_was_named_are_read_back(
+    tmp_path: Path, entries: tuple[Entry, ...]
+) -> None:
+    log = read_log(write_log(tmp_path / "log.jsonl", {}, entries))
+    for found, made in zip(log.entries, entries, strict=True):
+        frame, before = found.frame, made.frame
+        assert frame.policies == before.policies
+        assert frame.levels == before.levels
+        assert (frame.violations, frame.alert) == (before.violations, before.alert)
+        assert frame.sent == before.sent
+        assert frame.stop_occupancy == ((1.5, 2.5, 0.2, 2.5, 0.988),)
+        for person, seen in zip(frame.people, before.people, strict=True):
+            assert len(person.guarded) == len(seen.guarded) == 5
+            assert person.guarded[-1] == pytest.approx(seen.guarded[-1], abs=1e-3)
+    last = log.entries[-1].frame
+    assert [(a.policy, a.verdict.value) for a in last.policies] == [
+        ("LookAhead", "UNPROVED"),
+        ("FailSafe", "SAFE"),
+    ]
+    assert last.violations == ("PEOPLE: p left the guard",)
+    assert last.alert == "p: not even braking helps"
+
+
+def test_a_log_of_an_older_format_says_what_to_do(tmp_path: Path) -> None:
+    (tmp_path / "old").write_text('{"format": 1, "path": []}\n')
+    with pytest.raises(InputError, match=r"expected .* format 2, got format 1; make the log again"):
+        read_log(tmp_path / "old")
 
 
 def test_every_line_is_json_without_nan(tmp_path: Path, entries: tuple[Entry, ...]) -> None:
@@ -88,9 +128,9 @@ def test_a_folder_that_cannot_be_written_is_refused(
     [
         ("", "got an empty file"),
         ('{"format": 99}\n', "got format 99"),
-        ('{"format": 1}\n{"t_s": 1.0}\n', "line 2: expected a decision"),
-        ('{"format": 1}\nnot json\n', "line 2: expected JSON"),
-        ('{"format": 1}\n[1]\n', "line 2: expected a JSON object"),
+        ('{"format": 2}\n{"t_s": 1.0}\n', "line 2: expected a decision"),
+        ('{"format": 2}\nnot json\n', "line 2: expected JSON"),
+        ('{"format": 2}\n[1]\n', "line 2: expected a JSON object"),
     ],
 )
 def test_what_is_not_a_log_is_refused_by_line(tmp_path: Path, text: str, part: str) -> None:

@@ -37,6 +37,7 @@ const found = [], say = (name) => found.push(name + "=" +
   document.querySelector(".readout ." + name).textContent);
 const inked = () => { const c = document.querySelector(".view");
   return c.getContext("2d").getImageData(0, 0, c.width, c.height).data.filter((v) => v).length; };
+const picture = () => document.querySelector(".view").toDataURL();
 const press = (key) => document.querySelector(".view").dispatchEvent(
   new KeyboardEvent("keydown", { key: key, bubbles: true, cancelable: true }));
 const slider = document.querySelector(".scrubber");
@@ -44,6 +45,14 @@ const slider = document.querySelector(".scrubber");
 found.push("inked=" + (inked() > 1000));
 slider.value = slider.max; slider.dispatchEvent(new Event("input"));
 ["time", "verdict", "clearance"].forEach(say);
+["sent", "policies", "levels", "named"].forEach((name) => found.push("last " + name + "=" +
+  document.querySelector(".readout ." + name).textContent
+    .replaceAll("\\n", " / ").replaceAll(";", ",")));
+const shown = document.querySelector(".shown"), pixels = [];
+for (const choice of ["0", "1", "2"]) {
+  shown.value = choice; shown.dispatchEvent(new Event("change")); pixels.push(picture());
+}
+found.push("pictures=" + new Set(pixels).size);
 press("ArrowLeft"); say("time");
 press("Home"); say("time");
 document.querySelector(".play").click();
@@ -92,7 +101,11 @@ def test_demo_player_follows_slider_keys_and_play_button(browser: str, tmp_path:
         "verdict=INVALID",
         "clearance=none",
     ]
-    assert found[8:10] == ["time=3.80 s", "time=0.00 s"]
+    assert found[8] == "last sent=BRAKE"
+    assert found[9].startswith("last policies=LookAhead: INVALID, TRACK. as expected of Ada / Fail")
+    assert found[10] == "last levels=track: INVALID, SAFE, SAFE / stop: UNPROVED, INVALID, SAFE"
+    assert found[11].endswith("alert to Ada: braking is not proved to keep clear")
+    assert found[12:15] == ["pictures=3", "time=3.80 s", "time=0.00 s"]
     assert "wide=false" in found
     assert "played=true" in found
     assert f"buttons={text.count('<caption>')}" in found

@@ -19,8 +19,9 @@ from workbench.errors import InputError
 from workbench.report.curves import Growth, Origin, first_escape_s, mean_ratio
 from workbench.report.drawing import VERDICT_COLOURS
 from workbench.report.figures import comparison_table, growth_figure, tube_figure
-from workbench.report.plane import corners, plane_figure, verdict_timeline
+from workbench.report.plane import corners, plane_figure
 from workbench.report.scene import Detail, scene_json
+from workbench.report.timeline import decision_table, verdict_timeline
 from workbench.simulation.frames import Frame, PersonFrame
 
 TIMES = np.linspace(0.0, 3.0, 61)
@@ -102,6 +103,41 @@ def test_plane_and_timeline_name_units_and_verdicts() -> None:
     line = texts(verdict_timeline(cases.frames()).panels[0])
     for label in ("time (s)", "speed (m/s)", "clearance (m)", "SAFE", "UNPROVED", "INVALID"):
         assert label in line
+    for label in ("LookAhead", "FailSafe", "violation", "alert"):
+        assert label in line
+
+
+def test_tubes_have_the_colours_of_the_policies_that_they_decide() -> None:
+    frame = cases.frame(2.7, ("Ada", "Ben"))
+    said = dict(zip(("LookAhead", "FailSafe"), (Verdict.SAFE, Verdict.INVALID), strict=True))
+    frame = dataclasses.replace(
+        frame,
+        verdict=Verdict.UNPROVED,
+        policies=tuple(
+            dataclasses.replace(answer, verdict=said[answer.policy]) for answer in frame.policies
+        ),
+    )
+    panel = plane_figure(frame).panels[0].lower()
+    for verdict in Verdict:
+        drawn = VERDICT_COLOURS[verdict].lower() in panel
+        assert drawn == (verdict in said.values())
+    keys = [key.label for key in plane_figure(frame).legend]
+    assert "TRACK, then BRAKE to standstill, FailSafe INVALID" in keys
+    assert "where the guard lets them be" in keys
+
+
+def test_the_table_of_decisions_holds_every_policy_set_violation_and_alert() -> None:
+    frames = cases.frames(40)
+    table = decision_table(frames)
+    cells = [dict(zip(table.headings, row, strict=True)) for row in table.rows]
+    for frame, row in zip(frames, cells, strict=True):
+        for answer in frame.policies:
+            assert f"{answer.policy} {answer.verdict.value}" in str(row["each policy"])
+        for level in frame.levels:
+            told = str(row[f"{level.tube}: nested sets, the largest first"])
+            assert told.split() == [verdict.value for verdict in level.verdicts]
+        assert row["violations"] == "; ".join(frame.violations)
+        assert row["alert"] == (frame.alert or "")
 
 
 def test_plane_uses_one_scale_for_both_axes() -> None:
@@ -138,8 +174,8 @@ def restored(flat: list[int], width: int) -> list[list[float]]:
 
 
 def test_scene_data_give_back_positions_within_a_centimetre() -> None:
-    frames = cases.frames(5)
-    data = json.loads(scene_json(frames, Detail(frames=9, rectangles=99, discs=99, people=9)))
+    frames = cases.frames(40)
+    data = json.loads(scene_json(frames, Detail(frames=99, rectangles=99, discs=99, people=9)))
     for frame, row in zip(frames, data["frames"], strict=True):
         assert row["c"][0] / 100.0 == pytest.approx(frame.x_m, abs=0.006)
         assert row["s"] == pytest.approx(frame.speed_mps, abs=0.006)
@@ -153,6 +189,19 @@ def test_scene_data_give_back_positions_within_a_centimetre() -> None:
             discs = restored(entry[1:], 3)
             assert discs[0] == pytest.approx((person.x_m, person.y_m, 0.3), abs=0.006)
             assert discs[-1] == pytest.approx(person.predicted[-1], abs=0.006)
+        stops = restored(row["h"], 5)
+        assert len(stops) == len(frame.stop_occupancy)
+        assert stops[-1][:2] == pytest.approx(frame.stop_occupancy[-1][:2], abs=0.006)
+        assert restored(row["g"][0], 3)[-1] == pytest.approx(frame.people[0].guarded[-1], abs=0.006)
+        verdicts = [name for name, _ in data["verdicts"]]
+        assert [[data["texts"][p], verdicts[v]] for p, v, _, _ in row["q"]] == [
+            [answer.policy, answer.verdict.value] for answer in frame.policies
+        ]
+        assert [[data["texts"][m[0]], *(verdicts[v] for v in m[1:])] for m in row["m"]] == [
+            [level.tube, *(verdict.value for verdict in level.verdicts)] for level in frame.levels
+        ]
+        assert tuple(data["texts"][w] for w in row["w"]) == frame.violations
+        assert (row["z"] is None) == (frame.alert is None)
     assert restored(data["paths"][0], 2)[-1] == pytest.approx(frames[0].path[-1], abs=0.006)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -25,10 +26,12 @@ from workbench.report.page import (
     Section,
     write_page,
 )
-from workbench.report.plane import plane_figure, summary_table, verdict_timeline
+from workbench.report.plane import plane_figure
 from workbench.report.replay import replay_page
 from workbench.report.scene import Scene
 from workbench.report.tables import Table
+from workbench.report.timeline import summary_table, verdict_timeline
+from workbench.simulation.frames import LevelVerdicts, PolicyAnswer
 
 VOID = {"meta", "link", "input", "br", "img"}
 
@@ -111,7 +114,14 @@ def test_very_long_replay_is_thinned_to_its_budget_and_says_so() -> None:
 
 def test_hostile_strings_stay_text_everywhere() -> None:
     bad = cases.HOSTILE
-    frame = cases.frame(2.7, (bad, "Ben"))
+    frame = dataclasses.replace(
+        cases.frame(2.7, (bad, "Ben")),
+        sent=bad,
+        policies=(PolicyAnswer(bad, Verdict.SAFE, bad, bad),),
+        levels=(LevelVerdicts(bad, (Verdict.SAFE,)),),
+        violations=(bad,),
+        alert=bad,
+    )
     blocks = (
         Paragraph(bad),
         Notice(bad, bad),
@@ -139,6 +149,13 @@ def test_page_says_how_it_was_made_and_that_replay_is_open_loop() -> None:
         assert f"<h3>{name}</h3>" in text
 
 
+def test_a_page_says_who_decided_and_what_each_policy_asks() -> None:
+    text = demo_text()
+    assert "Deciding: both." in text
+    for words in ("LookAhead permits TRACK while", "FailSafe permits it while", "violation PEOPLE"):
+        assert words in text
+
+
 def test_demo_shows_each_bound_with_its_rigor_and_finding() -> None:
     text = demo_text()
     for word in ("refuted", "implied by proof", "ENCLOSED", "NUMERICAL", "SAMPLED"):
@@ -151,6 +168,23 @@ def test_summary_counts_every_decision() -> None:
     assert rows["decisions"] == 40
     assert sum(rows[f"verdict {verdict.value}"] for verdict in Verdict) == 40  # type: ignore[misc]
     assert rows["action TRACK"] == rows["verdict SAFE"]
+    assert rows["policy LookAhead SAFE"] == rows["verdict SAFE"]
+    assert 0 < rows["policy FailSafe SAFE"] < rows["verdict SAFE"]  # type: ignore[operator]
+    assert rows["sent BRAKE"] == sum(frame.sent == "BRAKE" for frame in frames)
+    assert rows["violation PEOPLE"] == sum(bool(frame.violations) for frame in frames)
+    assert rows["alert to a person"] == sum(frame.alert is not None for frame in frames)
+
+
+def test_a_page_of_frames_without_policies_is_whole() -> None:
+    """Frames need not come from a monitor."""
+    bare = [
+        dataclasses.replace(frame, policies=(), levels=(), violations=(), alert=None, sent="")
+        for frame in cases.frames(5)
+    ]
+    report = dataclasses.replace(cases.demo_report(), frames=tuple(bare))
+    text = demo_page(report, version="0.0", command="x").html()
+    Strict(text)
+    assert not any("policy" in str(row[0]) for row in summary_table(bare).rows)
 
 
 def test_writing_replaces_the_whole_file_and_leaves_nothing_else(tmp_path: Path) -> None:

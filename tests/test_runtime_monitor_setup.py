@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from runtime_fixture import arc_table, fake_bundle, observation, write_bundle
+from runtime_fixture import fake_bundle, write_bundle
+from runtime_world import TIMING, Asked, arc_table, observation
 
 from workbench.claims import Verdict
 from workbench.errors import InputError
-from workbench.runtime import Monitor, load_bundle
+from workbench.runtime import Action, Deciding, Monitor, load_bundle
 from workbench.runtime.manifest import Field, Manifest
 
 
@@ -24,12 +26,17 @@ from workbench.runtime.manifest import Field, Manifest
         ({"clearance_required_m": -0.1}, "clearance_required_m >= 0"),
         ({"clearance_required_m": math.nan}, "clearance_required_m >= 0"),
         ({"start_station_m": math.inf}, "finite start_station_m"),
+        ({"clock": lambda: math.nan}, "clock: expected a finite time"),
+        ({"clock": lambda: "noon"}, "clock: expected a finite time"),
+        ({"clock": time.time}, r"below 1e\+09, got .*time\.monotonic"),
+        ({"release_steps": math.nan}, "release_steps >= 1"),
+        ({"deciding": "all"}, r"\['both', 'LookAhead', 'FailSafe'\], got 'all'"),
     ],
 )
 def test_a_monitor_is_not_made_with_senseless_settings(
     arguments: dict[str, Any], message: str
 ) -> None:
-    usual: dict[str, Any] = {"release_steps": 1, "clearance_required_m": 0.5}
+    usual: dict[str, Any] = {"release_steps": 1, "clearance_required_m": 0.5, "timing": TIMING}
     with pytest.raises(InputError, match=message):
         Monitor(fake_bundle(), arc_table(0.0), **(usual | arguments))
 
@@ -48,8 +55,12 @@ def _renamed(fields: tuple[Field, ...], name: str) -> tuple[Field, ...]:
         ),
         (lambda m: replace(m, parameters=m.parameters[:1]), r"expected {'parameters': 1}"),
         (lambda m: replace(m, query=_renamed(m.query, "path_x")), "'path_x': 2"),
-        (lambda m: replace(m, query=_renamed(m.query, "people")), "'people': 7"),
-        (lambda m: replace(m, result=_renamed(m.result, "occupancy")), "'occupancy': 300"),
+        (lambda m: replace(m, query=_renamed(m.query, "people_tubes")), "'people_tubes': 640"),
+        (lambda m: replace(m, result=_renamed(m.result, "stop_lower")), "'stop_lower': 420"),
+        (
+            lambda m: replace(m, levels=m.levels[:2], deciding_level="whole"),
+            "'initial_center': 14",
+        ),
         (
             lambda m: replace(m, query=(*m.query[:-1], replace(m.query[-1], default=None))),
             r"needs \['acceleration_bound'\]",
@@ -61,10 +72,26 @@ def test_a_bundle_with_another_interface_is_refused(
 ) -> None:
     bundle = load_bundle(write_bundle(tmp_path, change=change))
     with pytest.raises(InputError, match=message):
-        Monitor(bundle, arc_table(0.0), release_steps=1, clearance_required_m=0.5)
+        Monitor(bundle, arc_table(0.0), release_steps=1, clearance_required_m=0.5, timing=TIMING)
 
 
 def test_a_region_left_open_restricts_nothing(tmp_path: Path) -> None:
     bundle = load_bundle(write_bundle(tmp_path, change=lambda m: replace(m, region=None)))
-    monitor = Monitor(bundle, arc_table(0.0), release_steps=1, clearance_required_m=0.5)
-    assert monitor.step(replace(observation(), speed=(-0.6, 1.0))).verdict is Verdict.SAFE
+    monitor = Monitor(
+        bundle, arc_table(0.0), release_steps=1, clearance_required_m=0.5, timing=TIMING
+    )
+    seen = replace(observation(speed=(-0.6, 1.0)), stamp_s=time.monotonic())
+    assert monitor.step(seen).verdict is Verdict.SAFE
+
+
+@pytest.mark.parametrize("deciding", [*Deciding, *[each.value for each in Deciding], None])
+def test_the_bundle_says_who_decides_unless_the_monitor_does(
+    deciding: Deciding | str | None,
+) -> None:
+    asked = Asked() if deciding is None else Asked(deciding=deciding)
+    decision = asked.step(observation())
+    # The car moves: LookAhead permits it to go on, FailSafe has to see it stand first.
+    tracks = decision.action is Action.TRACK
+    assert tracks == (deciding in (Deciding.LOOK_AHEAD, "LookAhead", None))
+    assert decision.look_ahead.action is Action.TRACK
+    assert decision.fail_safe.action is Action.BRAKE

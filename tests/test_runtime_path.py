@@ -2,107 +2,16 @@
 
 from __future__ import annotations
 
-import functools
-import itertools
 import math
-import random
-from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from runtime_fixture import arc_point, arc_table
+from path_cases import Point, assert_encloses, projected, wavy_heading, wavy_point, wavy_table
+from runtime_world import arc_point, arc_table
 
 from workbench.runtime.path import NoProjection, PathPose, PathTable
-
-Point = tuple[float, float]
-_NODES = [(-0.906179845938664, 0.23692688505618908), (-0.5384693101056831, 0.47862867049936647),
-          (0.0, 0.5688888888888889), (0.5384693101056831, 0.47862867049936647),
-          (0.906179845938664, 0.23692688505618908)]  # fmt: skip
-
-
-def _wavy_heading(station: float) -> float:
-    return 0.05 * station + 0.6 * math.sin(0.35 * station)
-
-
-def _wavy_curvature(station: float) -> float:
-    return 0.05 + 0.21 * math.cos(0.35 * station)
-
-
-def _arc_integral(begin: float, end: float) -> Point:
-    half, middle = 0.5 * (end - begin), 0.5 * (begin + end)
-    headings = [(w, _wavy_heading(middle + half * u)) for u, w in _NODES]
-    return (
-        half * sum(w * math.cos(h) for w, h in headings),
-        half * sum(w * math.sin(h) for w, h in headings),
-    )
-
-
-@functools.cache
-def _wavy_nodes() -> tuple[Point, ...]:
-    pieces = [(0.0, 0.0)] + [_arc_integral(0.2 * j, 0.2 * (j + 1)) for j in range(200)]
-    return tuple(
-        zip(*(itertools.accumulate(column) for column in zip(*pieces, strict=True)), strict=True)
-    )
-
-
-@functools.cache
-def _wavy_table() -> PathTable:
-    nodes = _wavy_nodes()
-    stations = [0.2 * j for j in range(len(nodes))]
-    ends = [(_wavy_curvature(a), _wavy_curvature(b)) for a, b in itertools.pairwise(stations)]
-    # The curvature's own extrema lie inside a bin; its second derivative bounds what they add.
-    spare = 0.21 * 0.35**2 * 0.2**2 / 8.0
-    return PathTable(
-        0.0,
-        0.2,
-        tuple(x for x, _ in nodes),
-        tuple(y for _, y in nodes),
-        tuple(map(_wavy_heading, stations)),
-        tuple(min(pair) - spare for pair in ends),
-        tuple(max(pair) + spare for pair in ends),
-    )
-
-
-def _wavy_point(station: float, offset: float) -> Point:
-    node = round(station / 0.2)
-    dx, dy = _arc_integral(0.2 * node, station)
-    x, y = _wavy_nodes()[node]
-    heading = _wavy_heading(station)
-    return x + dx - offset * math.sin(heading), y + dy + offset * math.cos(heading)
-
-
-def _projected(
-    table: PathTable, x: float, y: float, heading: float, radii: tuple[float, float, float]
-) -> PathPose | NoProjection:
-    (width, height, turn) = radii
-    return table.project(
-        (x - width, x + width),
-        (y - height, y + height),
-        (heading - turn, heading + turn),
-        near_station_m=None,
-    )
-
-
-def _assert_encloses(
-    pose: PathPose, point_of: Callable[[float, float], Point], box: tuple[Point, Point], seed: int
-) -> tuple[float, float]:
-    """Draw path coordinates around `pose`, keep those in the box; returns the width they span."""
-    rng = random.Random(seed)
-    (x_low, x_high), (y_low, y_high) = box
-    found: list[Point] = []
-    for _ in range(6000):
-        s = rng.uniform(pose.station[0] - 0.05, pose.station[1] + 0.05)
-        e = rng.uniform(pose.offset[0] - 0.05, pose.offset[1] + 0.05)
-        x, y = point_of(s, e)
-        if x_low <= x <= x_high and y_low <= y <= y_high:
-            found.append((s, e))
-            assert pose.station[0] <= s <= pose.station[1]
-            assert pose.offset[0] <= e <= pose.offset[1]
-    assert len(found) > 100
-    stations, offsets = zip(*found, strict=True)
-    return max(stations) - min(stations), max(offsets) - min(offsets)
 
 
 @settings(max_examples=30, deadline=None)
@@ -113,9 +22,9 @@ def test_a_box_beside_an_arc_is_enclosed(
     table = arc_table(curvature)
     heading = curvature * station
     x, y = arc_point(curvature, station, offset)
-    pose = _projected(table, x, y, heading + 0.05, (0.2, 0.15, 0.02))
+    pose = projected(table, x, y, heading + 0.05, (0.2, 0.15, 0.02))
     assert isinstance(pose, PathPose)
-    _assert_encloses(
+    assert_encloses(
         pose,
         lambda s, e: arc_point(curvature, s, e),
         ((x - 0.2, x + 0.2), (y - 0.15, y + 0.15)),
@@ -131,10 +40,10 @@ def test_a_box_beside_an_arc_is_enclosed(
 def test_a_box_beside_a_path_of_changing_curvature_is_enclosed(
     station: float, offset: float, seed: int
 ) -> None:
-    x, y = _wavy_point(station, offset)
-    pose = _projected(_wavy_table(), x, y, _wavy_heading(station) + math.tau, (0.2, 0.2, 0.01))
+    x, y = wavy_point(station, offset)
+    pose = projected(wavy_table(), x, y, wavy_heading(station) + math.tau, (0.2, 0.2, 0.01))
     assert isinstance(pose, PathPose), pose
-    _assert_encloses(pose, _wavy_point, ((x - 0.2, x + 0.2), (y - 0.2, y + 0.2)), seed)
+    assert_encloses(pose, wavy_point, ((x - 0.2, x + 0.2), (y - 0.2, y + 0.2)), seed)
     assert pose.heading_error[0] <= -0.01
     assert pose.heading_error[1] >= 0.01
 
@@ -144,7 +53,7 @@ def test_the_excess_on_a_radius_of_10_m_is_below_2_cm(turn_deg: float) -> None:
     station = 10.0 * math.radians(turn_deg)
     table = arc_table(0.1, start_m=-5.0, nodes=225)
     x, y = arc_point(0.1, station, 0.3)
-    pose = _projected(table, x, y, 0.1 * station, (0.2, 0.2, 0.0))
+    pose = projected(table, x, y, 0.1 * station, (0.2, 0.2, 0.0))
     assert isinstance(pose, PathPose)
     corners = [(x + a * 0.2, y + b * 0.2) for a in (-1, 1) for b in (-1, 1)]
     edge = [
@@ -166,7 +75,7 @@ def test_the_excess_on_a_radius_of_10_m_is_below_2_cm(turn_deg: float) -> None:
 
 def test_a_point_pose_is_found_within_the_allowance() -> None:
     x, y = arc_point(0.1, 7.3, -0.6)
-    pose = _projected(arc_table(0.1), x, y, 0.73 - 0.2, (0.0, 0.0, 0.0))
+    pose = projected(arc_table(0.1), x, y, 0.73 - 0.2, (0.0, 0.0, 0.0))
     assert isinstance(pose, PathPose)
     assert pose.station == pytest.approx((7.3, 7.3), abs=2e-5)
     assert pose.offset == pytest.approx((-0.6, -0.6), abs=2e-5)
@@ -186,7 +95,7 @@ def test_a_point_pose_is_found_within_the_allowance() -> None:
 def test_a_straight_path_refuses_what_lies_off_it(
     center: Point, heading: float, half_width: float, reason: str
 ) -> None:
-    pose = _projected(arc_table(0.0), *center, heading, (half_width, half_width, 0.0))
+    pose = projected(arc_table(0.0), *center, heading, (half_width, half_width, 0.0))
     assert isinstance(pose, NoProjection)
     assert reason in pose.reason
 
@@ -205,7 +114,7 @@ def test_near_the_centre_of_curvature_and_for_large_boxes_nothing_is_claimed(
     offset: float, half_width: float, reason: str
 ) -> None:
     table = arc_table(0.2, nodes=100, spacing_m=0.25, start_m=-12.5)
-    pose = _projected(table, *arc_point(0.2, 0.0, offset), 0.0, (half_width, half_width, 0.0))
+    pose = projected(table, *arc_point(0.2, 0.0, offset), 0.0, (half_width, half_width, 0.0))
     assert isinstance(pose, NoProjection)
     assert reason in pose.reason
 
@@ -229,14 +138,14 @@ def _straight_within(curvature: float) -> PathTable:
 def test_what_cannot_be_proved_is_refused_with_its_reason(
     table: PathTable, center: Point, half_width: float, reason: str
 ) -> None:
-    pose = _projected(table, *center, 0.0, (half_width, half_width, 0.0))
+    pose = projected(table, *center, 0.0, (half_width, half_width, 0.0))
     assert isinstance(pose, NoProjection)
     assert reason in pose.reason
 
 
 @pytest.mark.parametrize("station", [-10.0, 39.75])
 def test_the_ends_of_the_path_belong_to_it(station: float) -> None:
-    pose = _projected(arc_table(0.0), station, 0.5, 0.0, (0.0, 0.0, 0.0))
+    pose = projected(arc_table(0.0), station, 0.5, 0.0, (0.0, 0.0, 0.0))
     assert isinstance(pose, PathPose)
     assert pose.station == pytest.approx((station, station), abs=2e-5)
     assert pose.offset == pytest.approx((0.5, 0.5), abs=2e-5)

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from runtime_fixture import arc_table
+from runtime_world import arc_table
 
 from workbench.errors import InputError
 from workbench.runtime.path import PathTable

@@ -27,8 +27,8 @@ from person_cases import (
 from workbench.codegen.compiler import FLAGS, find_compiler
 from workbench.codegen.separation_source import CompiledSeparation
 from workbench.errors import InputError
-from workbench.reach.person_clearance import Cause, Nearest, nearest_people
-from workbench.runtime.layout import NO_CLEARANCE_M
+from workbench.reach.person_clearance import Nearest, nearest_people
+from workbench.runtime.layout import NO_CLEARANCE_M, KernelCause
 from workbench.runtime.person_guard import Disc, Guard, MotionLimits, guard_disc
 from workbench.runtime.person_tubes import (
     FOREVER_S,
@@ -80,7 +80,7 @@ def test_desk_and_kernel_have_the_same_bits(slow: CompiledSeparation) -> None:
         assert desk == kernel().nearest(query)
         assert np.array_equal(kernel().call(query)[1].view(np.int64),
                               slow.call(query)[1].view(np.int64))  # fmt: skip
-        proved += sum(each.cause is Cause.PROVED for each in desk.values())
+        proved += sum(each.cause is KernelCause.PROVED for each in desk.values())
     assert proved > 60
 
 
@@ -180,7 +180,7 @@ def test_a_rectangle_that_is_unknown_is_never_clear() -> None:
     rest = {"times_s": np.array([0.0, 0.1, 0.2]), "kinds": INTENT, "skew_s": (0.0, 0.0)}
     answer = nearest_people([intent(disc(-1.0, 9.0))], rectangles=rows, **rest)  # type: ignore[arg-type]
     assert answer == asked([intent(disc(-1.0, 9.0))], rectangles=rows, **rest)
-    assert answer[TubeKind.INTENT] == Nearest(-NO_CLEARANCE_M, 0.1, 0, 0, Cause.NOT_COMPUTED)
+    assert answer[TubeKind.INTENT] == Nearest(-NO_CLEARANCE_M, 0.1, 0, 0, KernelCause.NOT_COMPUTED)
 
 
 def test_random_numbers_everywhere_are_never_clear_of_somebody_in_the_car() -> None:

@@ -21,8 +21,8 @@ from workbench.bench.separation_cost import separation_cost_text, separation_cos
 from workbench.claims import Rigor, Verdict
 from workbench.errors import InputError
 from workbench.reach import PlaneGround, ReachTube, Separation, TubeStatus, check_separation
-from workbench.reach.person_clearance import Cause
 from workbench.reach.separation import Comparison
+from workbench.runtime.layout import KernelCause
 from workbench.runtime.observation import Person
 from workbench.runtime.person_tubes import TrackedPerson, TubeKind, tracked
 
@@ -60,7 +60,7 @@ def test_a_disc_is_a_tube_of_one_piece() -> None:
     assert plain.clearance_m == as_tube.clearance_m > 0.0
     assert (plain.person, plain.tube, plain.time_s) == ("aside", 0, as_tube.time_s)
     assert plain.verdict is Verdict.SAFE
-    assert plain.by_kind[TubeKind.GUARD].cause is Cause.NOT_ASKED
+    assert plain.by_kind[TubeKind.GUARD].cause is KernelCause.NOT_ASKED
     explicit = judged(ASIDE, comparison=Comparison(INTENT, (0.0, 0.0)))
     assert explicit.clearance_m == plain.clearance_m
 
@@ -91,7 +91,7 @@ def test_skew_only_takes_clearance_away_and_beyond_the_tube_nothing_is_safe() ->
     assert clearances == sorted(clearances, reverse=True)
     lost = judged(walker, comparison=Comparison(INTENT, (-0.3, 0.3)), required_m=0.0)
     assert (lost.verdict, lost.clearance_m) == (Verdict.UNPROVED, -math.inf)
-    assert lost.by_kind[TubeKind.INTENT].cause is Cause.NOT_PREDICTED
+    assert lost.by_kind[TubeKind.INTENT].cause is KernelCause.NOT_PREDICTED
     early = judged(ASIDE, comparison=Comparison(None, (-1e-9, 0.0)), required_m=0.0)
     assert early.verdict is Verdict.UNPROVED
 

@@ -25,8 +25,8 @@ from person_cases import (
 
 from workbench.codegen.separation_source import CompiledSeparation, alone_source
 from workbench.reach import person_gap
-from workbench.reach.person_clearance import Cause, Nearest, nearest_people, people_window
-from workbench.runtime.layout import NO_CLEARANCE_M
+from workbench.reach.person_clearance import Nearest, nearest_people, people_window
+from workbench.runtime.layout import NO_CLEARANCE_M, KernelCause
 from workbench.runtime.person_guard import Disc, Guard, MotionLimits, guard_disc
 from workbench.runtime.person_tubes import (
     TrackedPerson,
@@ -117,23 +117,23 @@ def test_a_piece_counts_from_its_start_until_the_next() -> None:
 @pytest.mark.parametrize(
     ("from_s", "until_s", "skew", "cause"),
     [
-        (0.0, 0.1, (0.0, 0.0), Cause.PROVED),
-        (0.0, math.nextafter(0.1, 0.0), (0.0, 0.0), Cause.NOT_PREDICTED),
-        (5e-324, 0.1, (0.0, 0.0), Cause.NOT_PREDICTED),
-        (0.0, 0.1, (0.0, 1e-9), Cause.NOT_PREDICTED),
-        (0.0, 0.1, (0.0, 5e-324), Cause.NOT_PREDICTED),
-        (0.0, 0.1, (-5e-324, 0.0), Cause.NOT_PREDICTED),
-        (-0.5, 0.625, (-0.5, 0.5), Cause.PROVED),
+        (0.0, 0.1, (0.0, 0.0), KernelCause.PROVED),
+        (0.0, math.nextafter(0.1, 0.0), (0.0, 0.0), KernelCause.NOT_PREDICTED),
+        (5e-324, 0.1, (0.0, 0.0), KernelCause.NOT_PREDICTED),
+        (0.0, 0.1, (0.0, 1e-9), KernelCause.NOT_PREDICTED),
+        (0.0, 0.1, (0.0, 5e-324), KernelCause.NOT_PREDICTED),
+        (0.0, 0.1, (-5e-324, 0.0), KernelCause.NOT_PREDICTED),
+        (-0.5, 0.625, (-0.5, 0.5), KernelCause.PROVED),
     ],
 )
 def test_outside_of_its_time_a_tube_clears_nothing(
-    from_s: float, until_s: float, skew: tuple[float, float], cause: Cause
+    from_s: float, until_s: float, skew: tuple[float, float], cause: KernelCause
 ) -> None:
     found = claimed(intent(disc(from_s, 50.0), until_s=until_s), skew=skew)
     assert found.cause is cause
-    assert (found.clearance_m > 0.0) == (cause is Cause.PROVED)
-    if cause is not Cause.PROVED:
-        assert found == Nearest(-NO_CLEARANCE_M, 0.0, 0, 0, Cause.NOT_PREDICTED)
+    assert (found.clearance_m > 0.0) == (cause is KernelCause.PROVED)
+    if cause is not KernelCause.PROVED:
+        assert found == Nearest(-NO_CLEARANCE_M, 0.0, 0, 0, KernelCause.NOT_PREDICTED)
 
 
 def test_the_window_is_rounded_outward_and_exact_sums_stay() -> None:
@@ -177,10 +177,12 @@ def test_nobody_is_clear_and_somebody_without_such_a_tube_is_not() -> None:
                 "skew_s": (0.0, 0.0)}  # fmt: skip
         empty = nearest_people([], **rest)  # type: ignore[arg-type]
         assert empty == asked([], **rest)
-        assert empty[TubeKind.INTENT] == Nearest(NO_CLEARANCE_M, 0.0, None, None, Cause.PROVED)
+        assert empty[TubeKind.INTENT] == Nearest(
+            NO_CLEARANCE_M, 0.0, None, None, KernelCause.PROVED
+        )
         only = nearest_people([intent(disc(-1.0, 9.0))], **rest)  # type: ignore[arg-type]
         assert only == asked([intent(disc(-1.0, 9.0))], **rest)
         assert only[TubeKind.INTENT].clearance_m > 0.0
         assert only[TubeKind.GUARD].clearance_m == -NO_CLEARANCE_M
-        expected = Cause.NOT_PREDICTED if TubeKind.GUARD in kinds else Cause.NOT_ASKED
+        expected = KernelCause.NOT_PREDICTED if TubeKind.GUARD in kinds else KernelCause.NOT_ASKED
         assert only[TubeKind.GUARD].cause is expected

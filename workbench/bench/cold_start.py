@@ -16,11 +16,14 @@ from workbench.errors import InputError
 
 _PROCESSES = 5
 
-# Runs in a fresh interpreter; a straight path, one person far ahead.
+# Runs in a fresh interpreter; a car that stands on a straight path, one person far ahead.
 _PROGRAM = """
 import json, sys, time
 start = time.perf_counter()
-from workbench.runtime import Monitor, Observation, PathTable, Person, load_bundle
+from workbench.runtime import (
+    Disc, Guard, Monitor, MotionLimits, Observation, ObservedPerson, PathTable, Person, Timing,
+    Watched, load_bundle,
+)
 imported = time.perf_counter()
 bundle = load_bundle(sys.argv[1])
 loaded = time.perf_counter()
@@ -28,14 +31,20 @@ nodes = 200
 line = tuple(0.5 * k for k in range(nodes))
 zeros, bins = (0.0,) * nodes, (0.0,) * (nodes - 1)
 path = PathTable(0.0, 0.5, line, zeros, zeros, bins, bins)
-monitor = Monitor(bundle, path, release_steps=1, clearance_required_m=0.0)
+monitor = Monitor(
+    bundle, path, release_steps=1, clearance_required_m=0.0, clock=lambda: 0.01,
+    timing=Timing(period_s=0.1, latency_s=0.05, send_gap_s=0.03),
+)
 region = bundle.manifest.region
-slow = min(max(2.0, region.interval("speed")[0]), region.interval("speed")[1])
+limits = MotionLimits(bundle.manifest.guard_speed_max_mps, bundle.manifest.guard_accel_max_mps2)
 person = Person("ahead", 80.0, 0.0, 0.0, 0.0, 0.5, 0.1, 0.0)
+guard = Guard(0.0, Disc(80.0, 0.0, 0.5), Disc(0.0, 0.0, 0.1), limits)
 decision = monitor.step(Observation(
     x=(10.0, 10.1), y=(0.0, 0.05), heading=(-0.01, 0.01), steering=(-0.01, 0.01),
-    speed=(slow, slow), speed_integral=(0.0, 0.0), offset_integral=(0.0, 0.0),
-    reference_speed_mps=slow, people=(person,),
+    speed=(0.0, 0.0), speed_integral=(0.0, 0.0), offset_integral=(0.0, 0.0),
+    reference_speed_mps=min(2.0, region.interval("speed")[1]), stamp_s=0.0,
+    people=(ObservedPerson("ahead", (person.intent,), guard),),
+    watched=Watched(10.0, 0.0, 100.0),
 ))
 decided = time.perf_counter()
 # The process's own high-water mark: getrusage also counts the memory of whoever started it.

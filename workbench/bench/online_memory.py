@@ -57,18 +57,18 @@ def online_memory(benchmark: Benchmark, case: CostCase) -> OnlineMemory:
     with harness_folder() as folder:
         prepare(benchmark, case, folder)
         touched = touched_stack(folder)
-    sizes, graph = _object(kernel.source)
+    sizes, graph = object_sections(kernel.source)
     return OnlineMemory(
-        code=_total(sizes, ".text"),
-        tables=_total(sizes, ".rodata"),
-        static=_total(sizes, ".data", ".bss", ".tdata", ".tbss"),
+        code=sections_total(sizes, ".text"),
+        tables=sections_total(sizes, ".rodata"),
+        static=sections_total(sizes, ".data", ".bss", ".tdata", ".tbss"),
         stack_bound=stack_bound(graph, "wb_tube") if graph else None,
         stack_touched=touched,
         caller=_DOUBLE * (work + query + result),
     )
 
 
-def _object(source: str) -> tuple[dict[str, int], str]:
+def object_sections(source: str) -> tuple[dict[str, int], str]:
     """Bytes per section of the object, empty without `size`, and the call graph, '' without one."""
     flags = [flag for flag in FLAGS if flag != "-shared"]
     with tempfile.TemporaryDirectory(prefix="workbench-") as name:
@@ -90,7 +90,8 @@ def _object(source: str) -> tuple[dict[str, int], str]:
     return {row[0]: int(row[1]) for row in rows if len(row) == 3 and row[1].isdigit()}, graph
 
 
-def _total(sizes: Mapping[str, int], *prefixes: str) -> int | None:
+def sections_total(sizes: Mapping[str, int], *prefixes: str) -> int | None:
+    """Bytes of all sections whose names begin so; None where nothing was measured."""
     if not sizes:
         return None
     return sum(bytes_ for name, bytes_ in sizes.items() if name.startswith(prefixes))

@@ -13,9 +13,10 @@ import numpy as np
 from workbench.bench.text import table
 from workbench.models.vehicle import gem_e2
 from workbench.reach.occupancy import occupancy_function
-from workbench.reach.person_clearance import Cause, nearest_people
+from workbench.reach.person_clearance import nearest_people
 from workbench.reach.tube import Array
 from workbench.runtime.contents import VehicleBody
+from workbench.runtime.layout import KernelCause
 from workbench.runtime.person_tubes import DiscPiece, PersonTube, TrackedPerson, TubeKind
 
 _SPEED_MPS = 2.8
@@ -132,7 +133,7 @@ def _gaps(setting: Setting, body: VehicleBody, rng: np.random.Generator) -> Arra
         kinds=frozenset([TubeKind.INTENT]),
         skew_s=(-setting.skew_s, setting.skew_s),
     )[TubeKind.INTENT]
-    assert found.cause is Cause.PROVED
+    assert found.cause is KernelCause.PROVED
     skews = np.linspace(-setting.skew_s, setting.skew_s, 3)
     of_motion = min(
         float(body_gap(turned(states, heading), body, piece, times + skew).min()) for skew in skews

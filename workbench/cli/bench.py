@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from workbench.cli import bench_online
+from workbench.cli import bench_decision, bench_online
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,16 +18,18 @@ if TYPE_CHECKING:
 HELP: Final = (
     "Score every tube (validated as one set and in cells, online in both forms) on the benchmark "
     "loops against the same sampled trajectories and against validated ones, and time the online "
-    "ones; the online kernels in all forms, steps and cells. The seed is fixed. Exit status 1 if "
-    "any trajectory leaves a tube, or compiled code computes other bits than its source."
+    "ones; the online kernels in all forms, steps and cells; the whole decision. The seed is "
+    "fixed. Exit status 1 if any trajectory leaves a tube, compiled code computes other bits than "
+    "its source, or a decision exceeds its budget."
 )
 EXAMPLE: Final = """\
 workbench bench --quick --only B1 --only B2
 workbench bench --board tightness --only B2-slow
 workbench bench --board online --only B1 --plot out/online.html
+workbench bench --board decision --plot out/decision.html
 """
 
-BOARDS: Final = ("tightness", "time", "online", "cold-start")
+BOARDS: Final = ("tightness", "time", "online", "decision", "cold-start")
 
 _SEED: Final = 1
 _TRAJECTORIES: Final = 200_000
@@ -54,8 +56,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         choices=BOARDS,
         default=[],
         help="measure only this: tightness and escapes of the tubes, time of the online ones, "
-        "the online kernels (width, escapes, time, instructions, memory, agreement), or cold start "
-        "of the runtime (can be given more than once; default: all)",
+        "the online kernels (width, escapes, time, instructions, memory, agreement), the whole "
+        "decision (time, its bound, growth, memory, agreement; gets --plot and --into where the "
+        "board `online` is not measured), or cold start of the runtime (can be given more than "
+        "once; default: all)",
     )
     parser.add_argument(
         "--bundle",
@@ -64,6 +68,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="bundle whose cold start is measured (default: the shipped vehicle's, built for it)",
     )
     bench_online.configure(parser)
+    bench_decision.configure(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -80,26 +85,29 @@ def run(args: argparse.Namespace) -> int:
         )
     loops = bench_loops(tuple(args.only))
     boards = args.board or BOARDS
-    bench_online.check(args, boards)
+    bench_decision.check(args, boards)
     count = _TRAJECTORIES_QUICK if args.quick else _TRAJECTORIES
     plan = SamplePlan(count, max(HORIZONS_S), SAMPLE_STEP_S, _SEED)
     cold = _cold_start(args.bundle) if "cold-start" in boards else None
     times = _times(loops) if "time" in boards else []
     scores = _scores(loops, plan) if "tightness" in boards else {}
     online = _online(args, loops, count) if "online" in boards else []
+    decision = bench_decision.measure(args, seed=_SEED) if "decision" in boards else None
     texts = [tightness_text(loop, scores[loop.benchmark.name]) for loop in loops if scores]
     texts += [times_text(times)] if times else []
     texts += [_online_text(args, online)] if online else []
+    texts += [bench_decision.told(args, boards, decision)] if decision else []
     texts += [cold_start_text(cold)] if cold else []
     found = sum(method.horizons[-1].escapes for loop in scores.values() for method in loop)
     texts += [f"escapes: {found} in all (seed {_SEED})"] if scores else []
     bad = found + sum(board.escapes + board.disagreements for board in online)
+    bad += decision.disagreements + decision.overspent if decision else 0
     emit(
         args,
         "\n\n".join(texts),
         {"seed": _SEED, "trajectories": count, "escapes": found if scores else None,
          "tightness": scores, "times": times, "online": online,
-         "cold_start": cold},
+         "decision": decision, "cold_start": cold},
     )  # fmt: skip
     return CLAIM_FAILS if bad else DONE
 

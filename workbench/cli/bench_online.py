@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
@@ -15,7 +14,7 @@ from workbench.cli.analysis_options import (
     separate_files,
     writable_file,
 )
-from workbench.cli.common import write_text
+from workbench.cli.common import marked, write_text
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -64,7 +63,7 @@ def check(args: argparse.Namespace, boards: Sequence[str]) -> None:
     writable_file(args.plot, "--plot")
     writable_file(args.into, "--into")
     if args.into is not None:
-        _marked(args.into)
+        marked(args.into, BEGIN, END)
 
 
 def measure(
@@ -100,28 +99,10 @@ def write_files(args: argparse.Namespace, boards: Sequence[OnlineBoard], text: s
 
         write_page(args.plot, online_page(args, boards).html())
     if args.into is not None:
-        before, after = _marked(args.into)
+        before, after = marked(args.into, BEGIN, END)
         command = command_line("bench", args, repeated=("only", "board"))
         body = f"\n\nMade with\n\n```console\n$ {command}\n```\n\n```text\n{text}\n```\n\n"
         write_text(args.into, before + BEGIN + body + END + after)
-
-
-def _marked(path: Path) -> tuple[str, str]:
-    """What stands before and after the marks. InputError unless each stands there once."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"--into: expected a document that can be read, got {path} ({error}); write one with "
-            f"the lines {BEGIN} and {END}"
-        ) from error
-    before, found, rest = text.partition(BEGIN)
-    _, ended, after = rest.partition(END)
-    if not found or not ended or BEGIN in rest or END in before + after:
-        raise InputError(
-            f"--into: expected the lines {BEGIN} and {END} once each in {path}, in this order"
-        )
-    return before, after
 
 
 def online_page(args: argparse.Namespace, boards: Sequence[OnlineBoard]) -> Page:

@@ -8,7 +8,9 @@ from pathlib import Path
 from workbench.cli.analysis_options import check_steps, positive
 from workbench.cli.common import (
     MONITOR_STEP_S,
+    add_deciding_option,
     add_vehicle_option,
+    chosen_deciding,
     chosen_vehicle,
     output_folder,
 )
@@ -23,6 +25,7 @@ HELP = (
 EXAMPLE = """\
 workbench build --out out/bundle
 workbench build --vehicle my_shuttle.toml --horizon 3 --step 0.025 --out out/bundle
+workbench build --deciding FailSafe --deciding-level "two thirds" --out out/bundle
 """
 
 _WHOLE_S = 1e-9
@@ -32,6 +35,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add_vehicle_option(parser)
     add_grid_options(parser)
+    add_deciding_option(parser)
+    parser.add_argument(
+        "--deciding-level",
+        default="whole",
+        metavar="NAME",
+        help="the nested set whose SAFE permits TRACK: whole, two thirds, one third (of the "
+        "observation's radii; default: whole); the others advise",
+    )
     parser.add_argument(
         "--out", type=Path, metavar="DIR", default=Path("out/bundle"),
         help="folder of the bundle (default: out/bundle)",
@@ -69,26 +80,42 @@ def check_grid(args: argparse.Namespace) -> None:
         )
 
 
+def _check_level(name: str) -> None:
+    from workbench.codegen.bundle import LEVELS
+
+    names = [level.name for level in LEVELS]
+    if name not in names:
+        raise InputError(f"--deciding-level: expected one of {names}, got {name!r}")
+
+
 def run(args: argparse.Namespace) -> int:
     """Build, load and report."""
     check_grid(args)
+    _check_level(args.deciding_level)
     from workbench.codegen import MonitorSpec, build_bundle
     from workbench.runtime import load_bundle
 
-    spec = MonitorSpec(chosen_vehicle(args), args.horizon, args.step)
+    spec = MonitorSpec(
+        chosen_vehicle(args), args.horizon, args.step, deciding=chosen_deciding(args),
+        deciding_level=args.deciding_level,
+    )  # fmt: skip
     with output_folder(args.out) as out:
         folder = build_bundle(spec, out)
     manifest = load_bundle(folder).manifest
     size = (folder / "kernel.so").stat().st_size
     text = (
         f"bundle for {manifest.name}: {manifest.steps} steps of {manifest.step_s:g} s, "
-        f"rigor {manifest.rigor.name}, kernel {size / 1024:.0f} kB for {manifest.machine}, "
+        f"rigor {manifest.rigor.name}, deciding: {manifest.deciding}, for the level "
+        f"{manifest.deciding_level!r}, kernel {size / 1024:.0f} kB for {manifest.machine}, "
         f"{len(manifest.golden)} golden vectors repeated bit for bit\n{folder}"
     )
     emit(args, text, {
         "folder": str(folder), "name": manifest.name, "steps": manifest.steps,
         "step_s": manifest.step_s, "horizon_s": manifest.horizon_s, "rigor": manifest.rigor.name,
         "machine": manifest.machine, "compiler": manifest.compiler, "kernel_bytes": size,
-        "golden_vectors": len(manifest.golden),
+        "golden_vectors": len(manifest.golden), "deciding": manifest.deciding,
+        "deciding_level": manifest.deciding_level,
+        "levels": {level.name: level.share for level in manifest.levels},
+        "budget": manifest.budget,
     })  # fmt: skip
     return 0

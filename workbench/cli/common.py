@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workbench.errors import InputError
+from workbench.runtime.policies.deciding import Deciding
 
 if TYPE_CHECKING:
     from workbench.models.vehicle import Vehicle
@@ -45,6 +46,21 @@ def chosen_vehicle(args: argparse.Namespace) -> Vehicle:
             f"--vehicle: expected a vehicle file that can be read, got {args.vehicle} "
             f"({error.strerror}); name a TOML file, `workbench new vehicle NAME` writes one to edit"
         ) from error
+
+
+def add_deciding_option(parser: argparse.ArgumentParser) -> None:
+    """Add `--deciding POLICY`; `chosen_deciding` reads it."""
+    parser.add_argument(
+        "--deciding",
+        choices=[deciding.value for deciding in Deciding],
+        default=Deciding.BOTH.value,
+        help="whose TRACK counts; both: only that of both (default: both)",
+    )
+
+
+def chosen_deciding(args: argparse.Namespace) -> Deciding:
+    """The policy that `--deciding` names."""
+    return Deciding(args.deciding)
 
 
 def add_output_option(parser: argparse.ArgumentParser, *, default: str) -> None:
@@ -110,3 +126,21 @@ def write_text(target: Path, text: str) -> None:
     """Write a UTF-8 file whole or not at all."""
     with replacing(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def marked(path: Path, begin: str, end: str) -> tuple[str, str]:
+    """What stands before and after the marks. InputError unless each stands there once."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"--into: expected a document that can be read, got {path} ({error}); write one with "
+            f"the lines {begin} and {end}"
+        ) from error
+    before, found, rest = text.partition(begin)
+    _, ended, after = rest.partition(end)
+    if not found or not ended or begin in rest or end in before + after:
+        raise InputError(
+            f"--into: expected the lines {begin} and {end} once each in {path}, in this order"
+        )
+    return before, after

@@ -4,17 +4,18 @@ decisions."""
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING
 
 from workbench import __version__
 from workbench.cli.common import (
     CLEARANCE_REQUIRED_M,
     MONITOR_STEP_S,
     RELEASE_STEPS,
+    add_deciding_option,
     add_output_option,
     add_vehicle_option,
+    chosen_deciding,
     chosen_vehicle,
     output_folder,
 )
@@ -22,13 +23,13 @@ from workbench.cli.output import Progress, emit, warn
 
 if TYPE_CHECKING:
     from workbench.cli.analysis_options import Subject
+    from workbench.cli.demo_report import Findings
     from workbench.models.vehicle import Vehicle
     from workbench.reach import ReachTube
-    from workbench.report.curves import Growth
     from workbench.report.demo import DemoReport
-    from workbench.runtime import Bundle
+    from workbench.runtime import Bundle, Deciding
     from workbench.sensitivity import Discrepancy, Examination, ProvedEnvelope
-    from workbench.simulation.crossing import CrossingResult
+    from workbench.simulation.obeying import CrossingResult
 
 HELP = (
     "Derives a bound for a vehicle's closed loop, learns one from runs, holds the two against each "
@@ -37,6 +38,7 @@ HELP = (
 EXAMPLE = """\
 workbench demo
 workbench demo --vehicle my_shuttle.toml --out out/my_demo
+workbench demo --deciding LookAhead --out out/look_ahead
 """
 _HORIZON_S = 3.0
 # Tube and runs share one grid: coarser runs err by more than the tube has slack where the loop is
@@ -50,6 +52,7 @@ _SEED = 1
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add_vehicle_option(parser)
+    add_deciding_option(parser)
     add_output_option(parser, default="out/demo")
 
 
@@ -61,16 +64,18 @@ def run(args: argparse.Namespace) -> int:
     for text in quick_study(vehicle).warnings:
         warn(text)
     with output_folder(args.out) as out:
-        found, report = _chain(vehicle, out)
+        found, report = _chain(args, vehicle, out)
     tube = found.tube
     if not tube.complete:
         warn(f"the tube is not complete ({tube.message}); proved bounds are left out")
     text = "\n".join([*report.lead, f"report: {out / 'report.html'}"])
-    emit(args, text, _data(found.examination, found.crossing, tube, out))
+    emit(args, text, _data(found, out))
     return 0 if tube.complete else 1
 
 
-def _chain(vehicle: Vehicle, out: Path) -> tuple[_Findings, DemoReport]:
+def _chain(args: argparse.Namespace, vehicle: Vehicle, out: Path) -> tuple[Findings, DemoReport]:
+    from workbench.cli.analysis_options import command_line
+    from workbench.cli.demo_report import Findings, demo_report
     from workbench.report.demo import demo_page
     from workbench.report.page import write_page
 
@@ -83,28 +88,19 @@ def _chain(vehicle: Vehicle, out: Path) -> tuple[_Findings, DemoReport]:
         learned = _learned(subject)
         examination = _examined(subject, tube, learned, proved)
         bar.advance()
-        bundle = _bundle(vehicle, out)
+        bundle = _bundle(vehicle, chosen_deciding(args), out)
         bar.advance()
         crossing = _crossing(vehicle, bundle)
         bar.advance()
-        found = _Findings(subject, tube, learned, examination, tuple(proved), bundle, crossing)
-        report = _report(found)
-        page = demo_page(report, version=__version__, command="workbench demo")
+        found = Findings(
+            subject, tube, learned, examination, tuple(proved), bundle, crossing,
+            _PAIRS, _HORIZON_S, _STEP_S, _SEED,
+        )  # fmt: skip
+        report = demo_report(found)
+        page = demo_page(report, version=__version__, command=command_line("demo", args))
         write_page(out / "report.html", page.html())
         bar.advance()
     return found, report
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class _Findings:
-    subject: Subject
-    tube: ReachTube
-    learned: Discrepancy
-    examination: Examination
-    proved: tuple[str, ...]
-    bundle: Bundle
-    crossing: CrossingResult
 
 
 def _subject(vehicle: Vehicle) -> Subject:
@@ -192,101 +188,34 @@ def _examined(
     )
 
 
-def _bundle(vehicle: Vehicle, out: Path) -> Bundle:
+def _bundle(vehicle: Vehicle, deciding: Deciding, out: Path) -> Bundle:
     from workbench.codegen import MonitorSpec, build_bundle
     from workbench.runtime import load_bundle
 
-    return load_bundle(build_bundle(MonitorSpec(vehicle, _HORIZON_S, _STEP_S), out / "bundle"))
+    spec = MonitorSpec(vehicle, _HORIZON_S, _STEP_S, deciding=deciding)
+    return load_bundle(build_bundle(spec, out / "bundle"))
 
 
 def _crossing(vehicle: Vehicle, bundle: Bundle) -> CrossingResult:
-    from workbench.runtime import Monitor
-    from workbench.simulation.crossing import Crossing, simulate
+    from workbench.runtime import Deciding, Monitor
+    from workbench.simulation.clock import SetClock
+    from workbench.simulation.crossing import Crossing
+    from workbench.simulation.obeying import TIMING, simulate
 
-    crossing = Crossing.standard(vehicle, seed=_SEED)
+    alone = bundle.manifest.deciding == Deciding.LOOK_AHEAD.value
+    # The induction of FailSafe begins at standstill.
+    start_speed_mps = vehicle.operation.reference_speed_mps if alone else 0.0
+    crossing = Crossing.standard(vehicle, start_speed_mps=start_speed_mps, seed=_SEED)
+    clock = SetClock()
     monitor = Monitor(
         bundle, crossing.path_table(), release_steps=RELEASE_STEPS,
-        clearance_required_m=CLEARANCE_REQUIRED_M,
+        clearance_required_m=CLEARANCE_REQUIRED_M, timing=TIMING, clock=clock,
     )  # fmt: skip
-    return simulate(crossing, monitor)
+    return simulate(crossing, monitor, clock=clock)
 
 
-def _report(found: _Findings) -> DemoReport:
-    from workbench.claims import Rigor, weakest
-    from workbench.cli.analysis_results import sampled_runs, tube_curves
-    from workbench.report.demo import DemoReport
-    from workbench.report.page import Claim
-
-    tube, examination = found.tube, found.examination
-    line = found.crossing.summary_line()
-    lead = (
-        f"{found.subject.name}: tube over {tube.times[-1]:g} s {tube.status.name}, rigor "
-        f"{tube.rigor.name}.",
-        f"Learned bound: {examination.verdict.value.replace('_', ' ').lower()}.",
-        f"{line[0].upper()}{line[1:]}.",
-    )
-    reach = f"Every trajectory from the initial set stays in the tube up to {tube.times[-1]:g} s."
-    # Not the bundle's own: where the car is on its path adds to what a decision rests on.
-    decided = weakest(*(Rigor[entry.rigor] for entry in found.crossing.entries))
-    claims = (
-        Claim(reach, tube.rigor),
-        Claim(f"Learned bound ({found.learned.condition})", found.learned.rigor),
-        Claim("Monitor decisions, under the assumptions listed below", decided),
-        *(
-            Claim(f"{name}: {curve.condition}", curve.rigor)
-            for name, curve in zip(found.proved, examination.proved, strict=True)
-            if curve.rigor is not Rigor.SAMPLED
-        ),
-    )
-    return DemoReport(
-        lead=lead,
-        claims=claims,
-        tube=tube_curves(tube, found.subject.system.ode),
-        samples=sampled_runs(found.subject, horizon_s=_HORIZON_S, count=200, seed=_SEED),
-        growths=_growths(found),
-        frames=tuple(entry.frame for entry in found.crossing.entries),
-        numbers=(),
-        assumptions=found.bundle.manifest.assumptions,
-    )
-
-
-def _growths(found: _Findings) -> tuple[Growth, ...]:
-    from workbench.claims import Rigor
-    from workbench.cli.analysis_results import integration_error
-    from workbench.report.curves import Growth, Origin
-
-    examination = found.examination
-    times = examination.times
-    verdict = examination.verdict.value.replace("_", " ").lower()
-    return (
-        Growth(
-            "sampled",
-            Origin.SAMPLES,
-            Rigor.SAMPLED,
-            times,
-            examination.driven,
-            error=integration_error(found.subject, horizon_s=_HORIZON_S, step_s=_STEP_S),
-        ),
-        Growth(
-            "learned",
-            Origin.LEARNED,
-            found.learned.rigor,
-            times,
-            examination.learned,
-            finding=verdict,
-            detail=f"{_PAIRS} pairs",
-        ),
-        *(
-            Growth(name, Origin.PROVED, curve.rigor, times, curve.half_widths)
-            for name, curve in zip(found.proved, examination.proved, strict=True)
-        ),
-    )
-
-
-def _data(
-    examination: Examination, crossing: CrossingResult, tube: ReachTube, out: Path
-) -> dict[str, object]:
-    measures = crossing.measures
+def _data(found: Findings, out: Path) -> dict[str, object]:
+    tube, examination, measures = found.tube, found.examination, found.crossing.measures
     return {
         "tube_status": tube.status.name,
         "tube_rigor": tube.rigor.name,
@@ -294,6 +223,11 @@ def _data(
         "learned_verdict": examination.verdict.value,
         "queries": measures.queries,
         "braked_share": measures.braked_share,
+        "deciding": found.bundle.manifest.deciding,
+        "safe_shares": dict(measures.safe_shares),
+        "violations": dict(measures.violations),
+        "alerts": measures.alerts,
+        "smallest_separation_m": measures.closest.separation_m if measures.closest else None,
         "decision_median_s": measures.decision_median_s,
         "decision_p99_s": measures.decision_p99_s,
         "report": str(out / "report.html"),

@@ -13,6 +13,7 @@ from workbench.cli.analysis_options import command_line
 from workbench.cli.build import add_grid_options, check_grid
 from workbench.cli.common import (
     CLEARANCE_REQUIRED_M,
+    MONITOR_STEP_S,
     RELEASE_STEPS,
     add_output_option,
     add_vehicle_option,
@@ -25,7 +26,8 @@ from workbench.errors import InputError
 if TYPE_CHECKING:
     from workbench.models.vehicle import Vehicle
     from workbench.report.tables import Table
-    from workbench.runtime import Bundle
+    from workbench.runtime import Bundle, Timing
+    from workbench.runtime.manifest import Manifest
     from workbench.runtime.path import PathTable
     from workbench.simulation.recording import Recording
     from workbench.simulation.replay import ReplayResult, ReplaySettings
@@ -33,8 +35,9 @@ if TYPE_CHECKING:
 HELP = (
     "Runs a monitor over one recording, sample by sample in time order, and writes replay.jsonl "
     "and report.html. Columns of the recordings: docs/data-format.md. Without --bundle one is "
-    "built from the vehicle's gains and the recording's own shape. Needs the analysis extra with "
-    "or without --bundle, to read recordings and to draw the report."
+    "built from the vehicle's gains and the recording's own shape. LookAhead decides, whatever "
+    "the bundle names: the recorded car does not obey, so FailSafe is only asked beside. Needs "
+    "the analysis extra with or without --bundle, to read recordings and to draw the report."
 )
 EXAMPLE = """\
 workbench replay recordings/kitti --recording kitti_0000 --out out/replay
@@ -57,44 +60,72 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_vehicle_option(parser)
     add_grid_options(parser)
+    # Not given: told apart from given, because a bundle brings its own.
+    parser.set_defaults(horizon=None, step=None)
     add_output_option(parser, default="out/replay")
 
 
 def run(args: argparse.Namespace) -> int:
     """Check the input, then replay, write log and report, and print the summary."""
     from workbench.simulation.recording import load_recording
-    from workbench.simulation.replay import ReplaySettings, replay_path, replay_vehicle
+    from workbench.simulation.replay import replay_path, replay_timing, replay_vehicle
 
-    check_grid(args)
+    _complete_grid(args)
     recording = load_recording(args.folder, args.recording, agent=args.agent)
-    settings = ReplaySettings.instrumented_car()
+    base = chosen_vehicle(args)
+    settings = _settings(base)
     path = replay_path(recording, settings)
-    vehicle = replay_vehicle(recording, chosen_vehicle(args), settings)
+    vehicle = replay_vehicle(recording, base, settings)
     given = None if args.bundle is None else _given_bundle(args.bundle, vehicle)
     with output_folder(args.out) as out:
         bundle = given or _built_bundle(args, vehicle)
         result = _replayed(recording, path, bundle, settings)
-        _write(args, out, result, _settings_table(bundle, settings), bundle)
+        table = _settings_table(bundle, settings, replay_timing(recording))
+        _write(args, out, result, table, bundle)
     emit(args, f"{result.summary_line()}\nlog {out / 'replay.jsonl'}, report {out / 'report.html'}",
          _data(result, out))  # fmt: skip
     return 0
 
 
+def _complete_grid(args: argparse.Namespace) -> None:
+    """Fill in the grid of a bundle that is to be built; one that is given has its own."""
+    if args.bundle is None:
+        args.horizon = 3.0 if args.horizon is None else args.horizon
+        args.step = MONITOR_STEP_S if args.step is None else args.step
+        check_grid(args)
+    elif args.horizon is not None or args.step is not None:
+        raise InputError(
+            "--bundle: expected neither --horizon nor --step beside it, the bundle was built with "
+            "its own; leave them out, or leave --bundle out to build one"
+        )
+
+
+def _settings(vehicle: Vehicle) -> ReplaySettings:
+    from workbench.runtime import MotionLimits
+    from workbench.simulation.replay import ReplaySettings
+
+    guard = vehicle.guard
+    return ReplaySettings.instrumented_car(MotionLimits(guard.speed_max_mps, guard.accel_max_mps2))
+
+
 def _replayed(
     recording: Recording, path: PathTable, bundle: Bundle, settings: ReplaySettings
 ) -> ReplayResult:
-    from workbench.runtime import Monitor
-    from workbench.simulation.replay import replay
+    from workbench.runtime import Deciding, Monitor
+    from workbench.simulation.clock import SetClock
+    from workbench.simulation.replay import replay, replay_timing
 
+    clock = SetClock()
     monitor = Monitor(
-        bundle, path, release_steps=RELEASE_STEPS, clearance_required_m=CLEARANCE_REQUIRED_M
-    )
+        bundle, path, release_steps=RELEASE_STEPS, clearance_required_m=CLEARANCE_REQUIRED_M,
+        timing=replay_timing(recording), deciding=Deciding.LOOK_AHEAD, clock=clock,
+    )  # fmt: skip
     with Progress("replay", len(recording.vehicle)) as bar:
 
         def advance(_done: int, _total: int) -> None:
             bar.advance()
 
-        return replay(recording, monitor, settings=settings, progress=advance)
+        return replay(recording, monitor, clock=clock, settings=settings, progress=advance)
 
 
 def _write(
@@ -111,6 +142,7 @@ def _write(
         "recording": result.recording,
         "settings": {str(row[0]): row[1] for row in table.rows},
         "notes": result.notes,
+        "levels": {level.name: level.share for level in bundle.manifest.levels},
     }
     write_log(out / "replay.jsonl", header, result.entries)
     report = ReplayReport(
@@ -150,7 +182,7 @@ def _given_bundle(folder: Path, vehicle: Vehicle) -> Bundle:
     return bundle
 
 
-def _settings_table(bundle: Bundle, settings: ReplaySettings) -> Table:
+def _settings_table(bundle: Bundle, settings: ReplaySettings, timing: Timing) -> Table:
     from workbench.report.tables import Table
 
     manifest = bundle.manifest
@@ -160,6 +192,13 @@ def _settings_table(bundle: Bundle, settings: ReplaySettings) -> Table:
         ("bundle", f"{manifest.name}, manifest {digest}, {manifest.created_by}"),
         ("machine", manifest.machine),
         ("tube", f"{manifest.steps} steps of {manifest.step_s:g} s, rigor {manifest.rigor.name}"),
+        ("nested sets", ", ".join(f"{level.name} ({level.share:.3g})" for level in manifest.levels)
+         + f"; {manifest.deciding_level} decides"),
+        ("deciding policy", f"LookAhead (the bundle names {manifest.deciding})"),
+        ("times", f"period {timing.period_s:g} s, check {timing.latency_s:g} s, "
+         f"sender {timing.send_gap_s:.3g} s"),
+        ("standstill", f"within the tube from up to {_stopped_mps(manifest, timing):.1f} m/s; from "
+         "more, FailSafe proves nothing, and everybody is alerted"),
         ("wheelbase", f"{manifest.vehicle.wheelbase_m:g} m"),
         ("release", f"{RELEASE_STEPS} SAFE in a row after braking"),
         ("clearance required", f"{CLEARANCE_REQUIRED_M:g} m"),
@@ -167,8 +206,20 @@ def _settings_table(bundle: Bundle, settings: ReplaySettings) -> Table:
         ("state errors", ", ".join(f"{name} {getattr(errors, name):g}" for name in errors.__slots__
                                    if isinstance(getattr(errors, name), float))),
         ("people", f"constant velocity, growing radius ({settings.people.on_foot.provenance})"),
+        ("guard", f"{settings.limits.speed_mps:g} m/s on foot, "
+         f"{settings.people.on_wheels.unseen_speed_mps:g} m/s on wheels, "
+         f"{settings.limits.acceleration_mps2:g} m/s^2; beyond what is watched "
+         f"{manifest.guard_speed_max_mps:g} m/s"),
+        ("watched", f"everybody within {settings.watched_m:g} m is taken to be recorded"),
     ]  # fmt: skip
     return Table("What the replay was run with", ("setting", "value"), tuple(rows))
+
+
+def _stopped_mps(manifest: Manifest, timing: Timing) -> float:
+    """The speed from which TRACK until the last switch, then BRAKE ends with the horizon."""
+    brake = manifest.brake
+    until_s = timing.switch_s[1] + brake.delay_s + brake.build_up_s
+    return max(manifest.horizon_s - until_s, 0.0) * brake.deceleration_min_mps2
 
 
 def _data(result: ReplayResult, out: Path) -> dict[str, object]:
@@ -179,6 +230,9 @@ def _data(result: ReplayResult, out: Path) -> dict[str, object]:
         "queries": measures.queries,
         "braked_share": measures.braked_share,
         "verdicts": {verdict.value: count for verdict, count in measures.verdicts},
+        "safe_shares": dict(measures.safe_shares),
+        "violations": dict(measures.violations),
+        "alerts": measures.alerts,
         "smallest_separation_m": closest.separation_m if closest else None,
         "smallest_clearance_m": measures.smallest_clearance_m,
         "decision_median_s": measures.decision_median_s,

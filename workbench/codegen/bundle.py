@@ -13,14 +13,18 @@ from typing import final
 from workbench import __version__
 from workbench.claims import Assumption, Rigor
 from workbench.codegen.compiler import Compiled, compile_shared
-from workbench.codegen.decision_source import decision_layout, decision_source
+from workbench.codegen.decision_header import decision_header
+from workbench.codegen.decision_source import DecisionSizes, decision_layout, decision_source
 from workbench.codegen.golden import golden_vectors
 from workbench.errors import InputError
 from workbench.models.bicycle import PathFrame
 from workbench.models.system import Ode
 from workbench.models.vehicle import Vehicle
+from workbench.runtime.contents import NestedLevel
 from workbench.runtime.manifest import (
+    CHECKED_FILES,
     CHECKSUM_FILE,
+    HEADER_FILE,
     LIBRARY_FILE,
     MANIFEST_FILE,
     SOURCE_FILE,
@@ -32,6 +36,7 @@ from workbench.runtime.manifest import (
     checksums_text,
     manifest_to_json,
 )
+from workbench.runtime.policies import BrakeBounds, Deciding
 from workbench.sets import Box
 
 # The kernel takes curvature from the path table; the model's own interval is a placeholder.
@@ -39,6 +44,14 @@ _ANY_CURVATURE = PathFrame(-0.5, 0.5)
 # Every step is a row of the result and of the tables; memory and compile time follow.
 LONGEST_S = 60.0
 MOST_STEPS = 350
+LEVELS = (
+    NestedLevel("whole", 1.0),
+    NestedLevel("two thirds", 2 / 3),
+    NestedLevel("one third", 1 / 3),
+)
+MOST_LEVELS = 8
+BUDGET = 3000
+MOST_BUDGET = 10**6
 # A station is a place along the path: the path table limits it, not the proof.
 _STATIONS_M = (-1e6, 1e6)
 
@@ -48,16 +61,16 @@ ASSUMPTIONS = (
         "none yet: no conformance fit; slip, lag and slope are not covered",
     ),
     Assumption(
-        "initial set", "the true state lies in the intervals of the observation",
-        "whoever fills the observation",
-    ),
-    Assumption(
         "estimation", "the controller reads the state without error, and nothing disturbs the car",
         "none: no estimation error and no disturbance but the path's curvature enter the tube",
     ),
     Assumption(
-        "time", "the observation is of now, and commands act at once",
-        "none: age, clock skew, computation and actuation delay are not in the tube",
+        "time", "the initial set holds at the stamp; BRAKE is commanded within the switch interval",
+        "age, check and sender are timed every cycle; TRACK's own delay is not in the tube",
+    ),
+    Assumption(
+        "brake", "BRAKE acts after the vehicle file's delay and build-up, decelerates within its "
+        "bounds, and the car does not roll back", "the vehicle file's provenance",
     ),
     Assumption(
         "compiled code", "the compiler kept the operations of the generated C",
@@ -72,9 +85,13 @@ ASSUMPTIONS = (
         "proved: a budget over the operating region, see docs/online-kernel.md",
     ),
     Assumption(
-        "people", "everybody stays in the disc predicted for them", "the prediction's own model",
+        "people", "everybody stays in their guard; for LookAhead, in their intent tubes",
+        "guards: compared with every later observation; intent: the prediction's own model",
     ),
-    Assumption("sight", "nobody is where the sensors cannot see", "none: a stated limit"),
+    Assumption(
+        "sight", "whoever may be hidden within the watched disc is among the people, as assumed",
+        "none: a stated limit; whoever fills the observation",
+    ),
 )  # fmt: skip
 
 
@@ -84,14 +101,22 @@ class MonitorSpec:
     """What a bundle is built for.
 
     vehicle: geometry, limits, gains, operating region; horizon_s: length of every tube, s;
-    step_s: grid of the tube, s (the horizon must be a whole number of steps).
+    step_s: grid of the tube, s (the horizon must be a whole number of steps). levels: nested sets
+    as shares of the observation's radii, the largest (1) first; deciding_level: the name of the one
+    whose SAFE permits TRACK, the others advise. deciding: whose TRACK counts. budget: most steps of
+    integration tried in one decision; what is not done by then is not proved.
     """
 
     vehicle: Vehicle
     horizon_s: float
     step_s: float
+    levels: tuple[NestedLevel, ...] = LEVELS
+    deciding_level: str = LEVELS[0].name
+    deciding: Deciding = Deciding.BOTH
+    budget: int = BUDGET
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "deciding", Deciding.named(self.deciding))
         if not (0 < self.step_s <= self.horizon_s and math.isfinite(self.horizon_s)):
             raise InputError(
                 f"expected 0 < step_s <= horizon_s, got {self.step_s!r} and {self.horizon_s!r}; "
@@ -108,21 +133,47 @@ class MonitorSpec:
                 f"expected a horizon of whole steps, got {self.horizon_s} s in steps of "
                 f"{self.step_s} s"
             )
+        names = [level.name for level in self.levels]
+        if self.deciding_level not in names or len(names) > MOST_LEVELS:
+            raise InputError(
+                f"expected at most {MOST_LEVELS} levels and a deciding_level among them, got "
+                f"{names} and {self.deciding_level!r}"
+            )
+        if not 1 <= self.budget <= MOST_BUDGET:
+            raise InputError(f"expected a budget of 1 to {MOST_BUDGET} steps, got {self.budget!r}")
 
     @property
     def steps(self) -> int:
         """Number of tube segments."""
         return round(self.horizon_s / self.step_s)
 
+    @property
+    def sizes(self) -> DecisionSizes:
+        """What the kernel is built for."""
+        deciding = [level.name for level in self.levels].index(self.deciding_level)
+        return DecisionSizes(self.steps, self.step_s, len(self.levels), deciding, self.budget)
+
+
+def _initial_set(spec: MonitorSpec) -> Assumption:
+    share = next(each.share for each in spec.levels if each.name == spec.deciding_level)
+    part = "the true state lies in the observation's intervals"
+    if share < 1.0:
+        part += f", each cut to its inner {share:.3g} about its centre (a speed of 0 stays in)"
+    return Assumption(
+        "initial set", f"{part}: the level {spec.deciding_level!r}, share {share:.3g}, decides",
+        "whoever fills the observation",
+    )  # fmt: skip
+
 
 def build_bundle(spec: MonitorSpec, folder: Path) -> Path:
     """Compile the monitor of `spec` into `folder` and return it.
 
-    Writes manifest.json, kernel.so, kernel.c and SHA256SUMS through a temporary folder, so nothing
-    half-written stays; an existing bundle there is replaced, anything else refused (InputError).
+    Writes manifest.json, kernel.so, kernel.c, kernel.h and SHA256SUMS through a temporary folder,
+    so nothing half-written stays; an existing bundle there is replaced, anything else refused
+    (InputError).
     """
     target = Path(folder)
-    if target.exists() and not (target / MANIFEST_FILE).is_file() and any(target.iterdir()):
+    if target.exists() and not _replaceable(target):
         raise InputError(f"{target} exists and is not a bundle; choose another folder")
     files = bundle_files(spec)
     try:
@@ -136,26 +187,36 @@ def build_bundle(spec: MonitorSpec, folder: Path) -> Path:
         for name, content in files.items():
             (fresh / name).write_bytes(content)
         fresh.chmod(0o755)
+        old = fresh.with_name(f"{fresh.name}-old")
+        # A crash in between leaves the old bundle beside its place, never half of one in it.
         if target.exists():
-            shutil.rmtree(target)
+            target.rename(old)
         fresh.rename(target)
+        shutil.rmtree(old, ignore_errors=True)
     except BaseException:
         shutil.rmtree(fresh, ignore_errors=True)
         raise
     return target
 
 
+def _replaceable(target: Path) -> bool:
+    """Whether it is a folder with nothing but what a bundle holds."""
+    files = {*CHECKED_FILES, CHECKSUM_FILE}
+    return target.is_dir() and {path.name for path in target.iterdir()} <= files
+
+
 def bundle_files(spec: MonitorSpec) -> dict[str, bytes]:
     """The files of a bundle, name -> content."""
     ode = spec.vehicle.closed_loop(spec.vehicle.track(), _ANY_CURVATURE).ode
     region = operating_region(spec.vehicle)
-    source = decision_source(ode, region, steps=spec.steps, step_s=spec.step_s)
+    source = decision_source(ode, spec.vehicle.brake.mode(), region, spec.sizes)
     compiled = compile_shared(source)
-    text = manifest_to_json(_manifest(spec, ode, compiled))
+    manifest = _manifest(spec, ode, compiled)
     files = {
-        MANIFEST_FILE: text.encode(),
+        MANIFEST_FILE: manifest_to_json(manifest).encode(),
         LIBRARY_FILE: compiled.shared_object,
         SOURCE_FILE: source.encode(),
+        HEADER_FILE: decision_header(manifest.query, manifest.result).encode(),
     }
     return files | {CHECKSUM_FILE: checksums_text(files).encode()}
 
@@ -168,10 +229,15 @@ def operating_region(vehicle: Vehicle) -> Box:
 
 
 def _manifest(spec: MonitorSpec, ode: Ode, compiled: Compiled) -> Manifest:
-    query, result = decision_layout(ode, spec.steps)
+    brake, guard = spec.vehicle.brake, spec.vehicle.guard
+    bounds = BrakeBounds(
+        deceleration_min_mps2=brake.deceleration_min_mps2,
+        delay_s=brake.delay_s,
+        build_up_s=brake.build_up_s,
+    )
+    query, result = decision_layout(ode, brake.mode(), spec.sizes)
     body, region = spec.vehicle.geometry, spec.vehicle.operation.region
     kernel, golden = golden_vectors(compiled.shared_object, query, result, spec, ode)
-    reference = (0.0, region.interval("speed")[1])
     return Manifest(
         name=spec.vehicle.name,
         created_by=f"workbench {__version__}",
@@ -182,15 +248,7 @@ def _manifest(spec: MonitorSpec, ode: Ode, compiled: Compiled) -> Manifest:
         query=query,
         result=result,
         states=tuple(StateSignal(state.name, state.unit) for state in ode.states),
-        parameters=tuple(
-            Parameter(
-                q.name,
-                q.unit,
-                q.nominal,
-                *(reference if q.name == "reference_speed" else (q.lower, q.upper)),
-            )
-            for q in ode.parameters
-        ),
+        parameters=_parameters(ode, fastest_mps=region.interval("speed")[1]),
         vehicle=VehicleBody(
             spec.vehicle.name, body.wheelbase_m, body.front_m, body.rear_m, body.half_width_m
         ),
@@ -198,7 +256,21 @@ def _manifest(spec: MonitorSpec, ode: Ode, compiled: Compiled) -> Manifest:
         step_s=spec.step_s,
         horizon_s=spec.horizon_s,
         region=region,
+        levels=spec.levels,
+        deciding_level=spec.deciding_level,
+        deciding=spec.deciding.value,
+        brake=bounds,
+        guard_speed_max_mps=guard.speed_max_mps,
+        guard_accel_max_mps2=guard.accel_max_mps2,
+        budget=spec.budget,
         rigor=Rigor.ENCLOSED,
-        assumptions=ASSUMPTIONS,
+        assumptions=(_initial_set(spec), *ASSUMPTIONS),
         golden=golden,
     )
+
+
+def _parameters(ode: Ode, *, fastest_mps: float) -> tuple[Parameter, ...]:
+    """The loop's parameters; the reference speed may be anything up to the region's fastest."""
+    ranges = {q.name: (q.lower, q.upper) for q in ode.parameters}
+    ranges["reference_speed"] = (0.0, fastest_mps)
+    return tuple(Parameter(q.name, q.unit, q.nominal, *ranges[q.name]) for q in ode.parameters)

@@ -1,96 +1,156 @@
-"""C text of `wb_decide`: the tube along a path, the ground it covers, its clearance from people."""
+"""C text of `wb_decide`: three tubes along a path, the ground they cover, distances from people."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import final
 
 import numpy as np
 
 from workbench.codegen.c_source import c_text
+from workbench.codegen.decision_header import decision_header
 from workbench.codegen.online_source import OnlineSizes, online_source
+from workbench.codegen.separation_source import separation_text
+from workbench.controllers import VehicleBrake
+from workbench.models.stopping import (
+    BRAKE_SPEED,
+    BRAKING,
+    FREE_STEERING,
+    INTEGRAL_SHARE,
+    INTEGRATING,
+    STEERING_SHARE,
+    TRACKING,
+    stopping_loop,
+)
 from workbench.models.system import Ode
-from workbench.reach.occupancy import clearance_function, occupancy_function
+from workbench.reach.occupancy import occupancy_function
 from workbench.reach.online.budget import Ranges
 from workbench.reach.online.functions import OnlineFunctions, online_functions
 from workbench.reach.online.model import OnlineModel
-from workbench.runtime.layout import (
-    NO_CLEARANCE_M,
-    PERSON_NUMBERS,
-    query_counts,
-    result_counts,
-    tile,
-)
+from workbench.reach.person_gap import separation_functions
+from workbench.runtime.layout import MOST_PIECES_IN_ALL, query_counts, result_counts, tile
 from workbench.runtime.manifest import Field
+from workbench.runtime.person_tubes import KIND_NUMBERS, TubeKind
 from workbench.sets import Box
 
 PATH_NODES = 128
-PEOPLE = 32
 MOST_TUBES = 9
-"""Tubes of one decision: of the whole initial set and of the cells it is cut into."""
+"""Tubes for one deciding set: of the whole of it and of the cells it is cut into."""
 SUBSTEPS = 3
-"""Steps of integration for one row of the result."""
+"""Steps of integration for one row of the result, where one step is too coarse."""
 # Stations that a step may reach: this many times the fastest speed times the step, and some slack
 # for the path's curvature; the kernel verifies after the step that the tube stayed within them.
 _REACH = 1.5
 _SLACK_M = 0.05
+# Rounding of the instants that a plan is asked about.
+_GRAIN_S = 1e-9
+# While BRAKE may be in force the speed lies within the region's, or as far outside of it as the
+# fastest change of a switch interval takes it.
+_SPEED_ROOM_MPS = 1.0
 
 
-def decision_layout(ode: Ode, steps: int) -> tuple[tuple[Field, ...], tuple[Field, ...]]:
-    """Query and result fields of the decision kernel of `ode`."""
-    n = len(ode.states)
-    counts = query_counts(
-        states=n, parameters=len(ode.parameters), path_nodes=PATH_NODES, people=PEOPLE
-    )
-    n_w = len(ode.disturbances)
-    counts |= {"disturbance_lower": n_w, "disturbance_upper": n_w}
-    defaults: dict[str, Sequence[float]] = {
-        "parameters": ode.parameter_values(),
-        "disturbance_lower": [d.lower for d in ode.disturbances],
-        "disturbance_upper": [d.upper for d in ode.disturbances],
-    }
-    return tile(counts, defaults=defaults), tile(result_counts(states=n, steps=steps), defaults={})
+@final
+@dataclass(frozen=True, slots=True)
+class DecisionSizes:
+    """What is fixed when a decision's kernel is built.
 
-
-def kernel_functions(ode: Ode, region: Box, *, substep_s: float) -> OnlineFunctions:
-    """The online tube's Functions for a loop in path coordinates within `region`.
-
-    Parameters are those of `ode` (a query may hold no others), except that the reference speed may
-    be anything from 0 to the region's fastest speed.
+    steps rows of step_s (s) each; levels: how many nested sets; deciding: index of the one that is
+    cut into cells and reported; budget: most steps of integration tried in one decision.
     """
-    values = np.array(OnlineModel.of(ode).form.parameter_values())
-    low, high = values.copy(), values.copy()
-    names = [parameter.name for parameter in ode.parameters]
-    reference = names.index("reference_speed")
-    low[reference], high[reference] = 0.0, region.interval("speed")[1]
-    w = ode.disturbances
-    disturbances = np.array([d.lower for d in w]), np.array([d.upper for d in w])
-    ranges = Ranges(region, (low, high), disturbances, substep_s)
-    return online_functions(ode, ranges, quadratic=())
+
+    steps: int
+    step_s: float
+    levels: int
+    deciding: int
+    budget: int
 
 
-def decision_source(ode: Ode, region: Box, *, steps: int, step_s: float) -> str:
-    """Complete C text of `wb_decide` (and `wb_tube`) for a loop in path coordinates."""
-    query, result = decision_layout(ode, steps)
-    names, w_names = ode.names, [d.name for d in ode.disturbances]
-    macros: dict[str, object] = {
-        "STATION": names.index("station"),
-        "SPEED": names.index("speed"), "HEADING_ERROR": names.index("heading_error"),
-        "CURVATURE": w_names.index("curvature"), "STEP": step_s.hex(), "ROWS": steps,
-        "SUBSTEPS": SUBSTEPS, "TUBES": MOST_TUBES, "OFFSET_STATE": names.index("offset"),
-        "REACH": _REACH, "SLACK": _SLACK_M, "NODES": PATH_NODES,
-        "PEOPLE": PEOPLE, "NO_CLEARANCE": NO_CLEARANCE_M,
-        "QUERY_SIZE": query[-1].offset + query[-1].count,
-        "RESULT_SIZE": result[-1].offset + result[-1].count,
+def decision_loop(track: Ode, region: Box) -> Ode:
+    """The loop of all three tubes: `stopping_loop` over the region's speeds and some more."""
+    slowest, fastest = region.interval("speed")
+    room = _SPEED_ROOM_MPS
+    return stopping_loop(track, speeds_mps=(min(slowest, 0.0) - room, fastest + room))
+
+
+def decision_layout(
+    track: Ode, brake: VehicleBrake, sizes: DecisionSizes
+) -> tuple[tuple[Field, ...], tuple[Field, ...]]:
+    """Query and result fields of the decision kernel of the TRACK loop `track`."""
+    n = len(track.states)
+    counts = query_counts(
+        states=n, parameters=len(track.parameters), path_nodes=PATH_NODES, levels=sizes.levels
+    )
+    w = (*track.disturbances, *stopping_loop(track, speeds_mps=(0.0, 0.0)).disturbances[-4:])
+    counts |= {"disturbance_lower": len(w), "disturbance_upper": len(w), "brake": 5}
+    defaults: dict[str, Sequence[float]] = {
+        "disturbance_lower": [d.lower for d in w],
+        "disturbance_upper": [d.upper for d in w],
+        "brake": [
+            brake.deceleration_min_mps2, brake.deceleration_max_mps2, brake.delay_s,
+            brake.build_up_s, brake.stop_speed_mps,
+        ],
     }  # fmt: skip
-    macros |= {f"Q_{field.name.upper()}": field.offset for field in query}
-    macros |= {f"R_{field.name.upper()}": field.offset for field in result}
-    assert clearance_function().numel_in("person") == PERSON_NUMBERS
-    substep_s = step_s / SUBSTEPS
-    functions = kernel_functions(ode, region, substep_s=substep_s)
-    sizes = OnlineSizes(steps * SUBSTEPS, substep_s)
-    ground = [occupancy_function(), clearance_function()]
+    results = result_counts(states=n, steps=sizes.steps, levels=sizes.levels)
+    return tile(counts, defaults=defaults), tile(results, defaults={})
+
+
+def kernel_functions(loop: Ode, region: Box, *, step_s: float) -> OnlineFunctions:
+    """The online tube's Functions for a `decision_loop` in path coordinates within `region`.
+
+    Parameters are those of `loop` (a query may hold no others), except that the reference speed may
+    be anything from 0 to the region's fastest speed, and that the modes switch.
+    """
+    values = np.array(OnlineModel.of(loop).form.parameter_values())
+    low, high = values.copy(), values.copy()
+    names = [parameter.name for parameter in loop.parameters]
+    for name in ("reference_speed", TRACKING, BRAKING, INTEGRATING):
+        low[names.index(name)] = 0.0
+    high[names.index("reference_speed")] = region.interval("speed")[1]
+    w = loop.disturbances
+    disturbances = np.array([d.lower for d in w]), np.array([d.upper for d in w])
+    ranges = Ranges(region, (low, high), disturbances, step_s)
+    return online_functions(loop, ranges, quadratic=())
+
+
+def decision_source(track: Ode, brake: VehicleBrake, region: Box, sizes: DecisionSizes) -> str:
+    """Complete C text of `wb_decide` (and `wb_tube`) for a TRACK loop in path coordinates."""
+    loop = decision_loop(track, region)
+    macros = _macros(loop, sizes)
+    query, result = decision_layout(track, brake, sizes)
+    functions = kernel_functions(loop, region, step_s=sizes.step_s)
+    online = OnlineSizes(sizes.steps * SUBSTEPS, sizes.step_s)
+    ground = [occupancy_function(), *separation_functions()]
     return "\n".join([
-        online_source(functions, region.reordered(ode.names), sizes, extra=ground),
+        online_source(functions, region.reordered(loop.names), online, extra=ground),
         *[f"#define WB_{name} {value}" for name, value in macros.items()],
-        c_text("decide.c"),
+        decision_header(query, result), separation_text(),
+        *map(c_text, ("path.c", "drive.c", "decide.c")),
     ])  # fmt: skip
+
+
+def _macros(loop: Ode, sizes: DecisionSizes) -> dict[str, object]:
+    names = loop.names
+    p_names, w_names = (
+        [s.name for s in signals] for signals in (loop.parameters, loop.disturbances)
+    )
+    return {
+        "STATION": names.index("station"), "OFFSET_STATE": names.index("offset"),
+        "SPEED": names.index("speed"), "HEADING_ERROR": names.index("heading_error"),
+        "SPEED_INTEGRAL": names.index("speed_integral"),
+        "CURVATURE": w_names.index("curvature"), "BRAKE_SPEED": w_names.index(BRAKE_SPEED),
+        "STEERING_SHARE": w_names.index(STEERING_SHARE), "STEERING": names.index("steering"),
+        "INTEGRAL_SHARE": w_names.index(INTEGRAL_SHARE),
+        "FREE_STEERING": w_names.index(FREE_STEERING),
+        "RATE_MIN": p_names.index("steering_rate_min"),
+        "RATE_MAX": p_names.index("steering_rate_max"),
+        "TRACKING": p_names.index(TRACKING), "BRAKING": p_names.index(BRAKING),
+        "INTEGRATING": p_names.index(INTEGRATING),
+        "ACCEL_MIN": p_names.index("acceleration_min"),
+        "ACCEL_MAX": p_names.index("acceleration_max"), "OWN_PARAMETERS": len(p_names) - 3,
+        "INTENT": KIND_NUMBERS.index(TubeKind.INTENT), "GUARD": KIND_NUMBERS.index(TubeKind.GUARD),
+        "STEP": sizes.step_s.hex(), "ROWS": sizes.steps, "SUBSTEPS": SUBSTEPS,
+        "TUBES": MOST_TUBES, "LEVELS": sizes.levels, "DECIDING": sizes.deciding,
+        "BUDGET": f"{sizes.budget}L", "REACH": _REACH, "SLACK": _SLACK_M, "GRAIN": _GRAIN_S,
+        "NODES": PATH_NODES, "POOL": MOST_PIECES_IN_ALL,
+    }  # fmt: skip

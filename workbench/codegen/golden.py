@@ -11,6 +11,8 @@ from workbench.codegen.native_calls import exported_size
 from workbench.models.system import Ode
 from workbench.runtime.manifest import Field, Golden, Kernel
 from workbench.runtime.native import NativeKernel
+from workbench.runtime.person_guard import Disc, Guard, MotionLimits, guard_disc
+from workbench.runtime.person_tubes import FOREVER_S, Person, TrackedPerson, packed
 
 if TYPE_CHECKING:
     from workbench.codegen.bundle import MonitorSpec
@@ -23,8 +25,8 @@ def golden_vectors(
 ) -> tuple[dict[str, int], tuple[Golden, ...]]:
     """The kernel's sizes and its answers to a few telling queries.
 
-    They cover a free road, a person in the way and one aside, a bend, a path that ends too early,
-    more people than fit, and a NaN.
+    They cover a free road, people in the way, aside and crossing, a bend, a path that ends too
+    early, a start from standstill, more people than fit, and a NaN.
     """
     sizes = {
         "query_size": query[-1].offset + query[-1].count,
@@ -48,22 +50,56 @@ def _questions(
     initial, body = spec.vehicle.initial_set, spec.vehicle.geometry
     box = initial.reordered(ode.names)
     base: dict[str, Sequence[float]] = {
-        "initial_center": box.center, "initial_radius": box.radius,
+        **_levels(spec, box.center, box.radius), "parameters": ode.parameter_values(),
         **_arc(0.0, nodes), "front_m": [body.front_m], "rear_m": [body.rear_m],
-        "half_width_m": [body.half_width_m], "people_count": [0.0],
-        "clearance_required_m": [0.2],
+        "half_width_m": [body.half_width_m], "clearance_required_m": [0.2],
+        "skew_s": [0.0, 0.02], "switch_s": [0.15, 0.19], "brake_s": [0.0, 0.09],
     }  # fmt: skip
-    ahead, aside = [8.0, 0.0, 0.0, 0.0, 0.5, 0.3, 0.5], [6.0, 9.0, 1.4, 0.0, 0.5, 0.3, 0.5]
-    crossing = [7.0, 4.0, 0.0, -1.4, 0.5, 0.3, 0.5]
+    ahead = Person("ahead", 8.0, 0.0, 0.0, 0.0, 0.5, 0.3, 0.5)
+    aside = Person("aside", 6.0, 9.0, 1.4, 0.0, 0.5, 0.3, 0.5)
+    crossing = Person("crossing", 7.0, 4.0, 0.0, -1.4, 0.5, 0.3, 0.5)
+    standing = [
+        0.0 if name == "speed" else c for name, c in zip(ode.names, box.center, strict=True)
+    ]
     return [
         base,
-        base | {"people_count": [1.0], "people": ahead},
-        base | {"people_count": [2.0], "people": [*aside, *crossing]},
-        base | _arc(0.1, nodes) | {"people_count": [1.0], "people": aside},
-        base | _arc(0.0, 12) | {"people_count": [1.0], "people": aside},
-        base | {"people_count": [33.0], "people": ahead},
-        base | {"initial_center": [math.nan, *box.center[1:]]},
+        base | _people(spec, ahead),
+        base | _people(spec, aside, crossing),
+        base | _arc(0.1, nodes) | _people(spec, aside),
+        base | _arc(0.0, 12) | _people(spec, aside),
+        base
+        | _levels(spec, standing, box.radius)
+        | {"start_s": [0.05, 0.09]}
+        | _people(spec, aside),
+        base | _people(spec, ahead) | {"people_count": [33.0]},
+        base | {"initial_center": [math.nan] * len(base["initial_center"])},
     ]
+
+
+def _levels(
+    spec: MonitorSpec, center: Sequence[float], radius: Sequence[float]
+) -> dict[str, Sequence[float]]:
+    return {
+        "initial_center": list(center) * len(spec.levels),
+        "initial_radius": [level.share * r for level in spec.levels for r in radius],
+    }
+
+
+def _people(spec: MonitorSpec, *people: Person) -> dict[str, Sequence[float]]:
+    """Each with what they intend and with the guard of the vehicle file, seen at the stamp."""
+    limits = spec.vehicle.guard
+    most = MotionLimits(limits.speed_max_mps, limits.accel_max_mps2)
+    everybody = []
+    for person in people:
+        place = Disc(person.x_m, person.y_m, person.radius_m)
+        guard = Guard(0.0, place, Disc(person.vx_mps, person.vy_mps, 0.2), most)
+        tubes = (person.intent, guard_disc(guard, from_s=0.0, until_s=FOREVER_S))
+        everybody.append(TrackedPerson(person.name, tubes))
+    numbers = packed(everybody)
+    return {
+        "people_count": [float(numbers.count)], "tubes_count": [2.0 * len(people)],
+        "people_tubes": numbers.tubes, "people_pieces": numbers.pieces,
+    }  # fmt: skip
 
 
 def _arc(curvature: float, count: int) -> dict[str, Sequence[float]]:

@@ -13,10 +13,10 @@ from workbench.codegen.c_source import FLOOR, c_text, function_text
 from workbench.codegen.compiler import FLAGS, compile_shared
 from workbench.codegen.native_calls import load_function
 from workbench.errors import InputError
-from workbench.reach.person_clearance import BLOCK, Cause, Nearest
+from workbench.reach.person_clearance import BLOCK, Nearest
 from workbench.reach.person_gap import separation_functions
 from workbench.reach.tube import Array
-from workbench.runtime.layout import NO_CLEARANCE_M
+from workbench.runtime.layout import NO_CLEARANCE_M, KernelCause
 from workbench.runtime.person_tubes import (
     FOREVER_S,
     KIND_NUMBERS,
@@ -130,7 +130,7 @@ class CompiledSeparation:
         return {
             kind: Nearest(
                 float(row[0]), float(row[1]), int(row[2]) if row[2] >= 0 else None,
-                int(row[3]) if row[3] >= 0 else None, Cause(int(row[4])),
+                int(row[3]) if row[3] >= 0 else None, KernelCause(int(row[4])),
             )
             for kind, row in zip(KIND_NUMBERS, rows, strict=True)
         }  # fmt: skip

@@ -21,7 +21,7 @@ from workbench.reach.local import (
     LocalMetric,
     LocalNorm,
 )
-from workbench.reach.person_clearance import Cause, Nearest, nearest_people
+from workbench.reach.person_clearance import Nearest, nearest_people
 from workbench.reach.sampled_data.tube import SampledTube
 from workbench.reach.separation import (
     Comparison,
@@ -35,7 +35,6 @@ from workbench.reach.tube import KinkRecord, ReachTube, TubeStatus
 from workbench.reach.validated.tube import ValidatedTube
 
 __all__ = [
-    "Cause",
     "Comparison",
     "Encounter",
     "Finding",

@@ -1,6 +1,6 @@
-"""The ground a car can cover during one segment of a tube, and its distance from a person.
+"""The ground a car can cover during one segment of a tube.
 
-Both are CasADi Functions with every operation rounded outward, so they evaluate and compile alike.
+A CasADi Function with every operation rounded outward, so it evaluates and compiles alike.
 """
 
 from __future__ import annotations
@@ -105,44 +105,3 @@ def _middle(interval: SymbolicInterval) -> SymbolicInterval:
     with verbatim():
         middle = (interval.lower + interval.upper) / 2
     return SymbolicInterval.between(middle, middle, interval.validity)
-
-
-def clearance_function() -> ca.Function:
-    """A proved lower bound of the distance between a rectangle and a person's disc, in m.
-
-    The person's centre at tau in [start, end] lies within |v| (end - start)/2 of its place at the
-    middle, and for growths >= 0 the disc's radius at most grows to
-    radius + growth end + growth2/2 end^2.
-    Distance of a point from a rectangle: with (a, b) its absolute coordinates along and across
-    minus the half sides, sqrt(max(a, 0)^2 + max(b, 0)^2), or max(a, b) inside.
-    Inputs: rectangle (5); person (7): x, y, vx, vy, radius, growth, growth2 (SI); start, end in s.
-    """
-    rectangle, person = ca.SX.sym("rectangle", 5), ca.SX.sym("person", 7)
-    start, end = ca.SX.sym("start"), ca.SX.sym("end")
-    validity = Validity()
-
-    def point(value: ca.SX) -> SymbolicInterval:
-        return SymbolicInterval.between(value, value, validity)
-
-    cx, cy, heading, half_length, half_width = (point(rectangle[i]) for i in range(5))
-    px, py, vx, vy, radius, growth, growth2 = (point(person[i]) for i in range(7))
-    first, last = point(start), point(end)
-    middle = (first + last).scale(0.5)
-    dx, dy = px + vx * middle - cx, py + vy * middle - cy
-    c, s = cos(heading), sin(heading)
-    a = (dx * c + dy * s).absolute() - half_length
-    b = (dy * c - dx * s).absolute() - half_width
-    zero = SymbolicInterval.exactly(0.0, validity)
-    outside = (a.maximum(zero).square() + b.maximum(zero).square()).sqrt()
-    travel = (vx.square() + vy.square()).sqrt() * (last - first).scale(0.5)
-    reach = radius + growth * last + (growth2 * last.square()).scale(0.5) + travel
-    with verbatim():
-        inside = ca.logic_and(a.lower <= 0, b.lower <= 0)
-        distance = ca.if_else(inside, ca.fmax(a.lower, b.lower), outside.lower)
-    clearance = (SymbolicInterval(distance, distance, validity).watched() - reach).lower
-    with verbatim():
-        outputs = list(ca.cse([clearance, validity.result()]))
-    return ca.Function(
-        "wb_clearance", [rectangle, person, start, end], outputs,
-        ["rectangle", "person", "start", "end"], ["clearance", "ok"],
-    )  # fmt: skip

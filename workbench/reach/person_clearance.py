@@ -5,7 +5,6 @@ The same Functions, comparisons and order as `codegen/c/separate.c`: the same bi
 
 from __future__ import annotations
 
-import enum
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from typing import final
 
 from workbench.reach.person_gap import box_function, car_function, gap_function
 from workbench.reach.tube import Array
-from workbench.runtime.layout import NO_CLEARANCE_M
+from workbench.runtime.layout import NO_CLEARANCE_M, KernelCause
 from workbench.runtime.person_tubes import (
     KIND_NUMBERS,
     DiscPiece,
@@ -26,20 +25,6 @@ BLOCK = 6
 """Segments that share one box per tube."""
 Window = tuple[float, float]
 _Box = list[float]
-
-
-class Cause(enum.IntEnum):
-    """Why a clearance is what it is.
-
-    PROVED: it is. NOT_PREDICTED: somebody has no tube of the kind, or one that does not hold at
-    that time (before its first piece, after until_s). NOT_COMPUTED: there is no rectangle, or the
-    numbers overflowed. NOT_ASKED: the kind was not compared.
-    """
-
-    PROVED = 0
-    NOT_PREDICTED = 1
-    NOT_COMPUTED = 2
-    NOT_ASKED = 3
 
 
 @final
@@ -55,7 +40,7 @@ class Nearest:
     time_s: float
     person: int | None
     tube: int | None
-    cause: Cause
+    cause: KernelCause
 
 
 def nearest_people(
@@ -125,12 +110,12 @@ def _clear_segment(
     box = [float(value) for value in car.nonzeros()[2:]]
     for listed, around in tubes:
         best = found[listed.tube.kind]
-        cause, gap = Cause.NOT_COMPUTED, 0.0
+        cause, gap = KernelCause.NOT_COMPUTED, 0.0
         if known:
             if _far(box, around, best.clearance_m):
                 continue
             cause, gap = _tube_gap(listed.tube, segment, car)
-        clearance = gap if cause is Cause.PROVED else -NO_CLEARANCE_M
+        clearance = gap if cause is KernelCause.PROVED else -NO_CLEARANCE_M
         if not clearance >= best.clearance_m:
             found[listed.tube.kind] = Nearest(
                 clearance, segment.time_s, listed.person, listed.index, cause
@@ -155,11 +140,11 @@ def _sum_outward(a: float, b: float, side: float) -> float:
 
 def _start(people: Sequence[TrackedPerson], kind: TubeKind, time_s: float, asked: bool) -> Nearest:
     if not asked:
-        return Nearest(-NO_CLEARANCE_M, time_s, None, None, Cause.NOT_ASKED)
+        return Nearest(-NO_CLEARANCE_M, time_s, None, None, KernelCause.NOT_ASKED)
     for i, person in enumerate(people):
         if all(tube.kind != kind for tube in person.tubes):
-            return Nearest(-NO_CLEARANCE_M, time_s, i, None, Cause.NOT_PREDICTED)
-    return Nearest(NO_CLEARANCE_M, time_s, None, None, Cause.PROVED)
+            return Nearest(-NO_CLEARANCE_M, time_s, i, None, KernelCause.NOT_PREDICTED)
+    return Nearest(NO_CLEARANCE_M, time_s, None, None, KernelCause.PROVED)
 
 
 def _covers(tube: PersonTube, bound: Sequence[DiscPiece], window: Window) -> bool:
@@ -201,8 +186,8 @@ def _far(one: _Box, other: _Box, best_m: float) -> bool:
     return x * x + y * y > need
 
 
-def _tube_gap(tube: PersonTube, segment: _Segment, car: object) -> tuple[Cause, float]:
-    cause, largest = Cause.NOT_PREDICTED, -NO_CLEARANCE_M
+def _tube_gap(tube: PersonTube, segment: _Segment, car: object) -> tuple[KernelCause, float]:
+    cause, largest = KernelCause.NOT_PREDICTED, -NO_CLEARANCE_M
     for bound in tube.bounds:
         if not _covers(tube, bound, segment.window):
             continue
@@ -210,9 +195,9 @@ def _tube_gap(tube: PersonTube, segment: _Segment, car: object) -> tuple[Cause, 
         for piece, part in _parts(bound, segment.window):
             gap, ok = gap_function()(segment.rectangle, car, piece.numbers, part)
             if float(ok) != 1.0:
-                return Cause.NOT_COMPUTED, 0.0
+                return KernelCause.NOT_COMPUTED, 0.0
             smallest = min(smallest, float(gap))
         if not smallest <= NO_CLEARANCE_M:
-            return Cause.NOT_COMPUTED, 0.0
-        cause, largest = Cause.PROVED, max(largest, smallest)
+            return KernelCause.NOT_COMPUTED, 0.0
+        cause, largest = KernelCause.PROVED, max(largest, smallest)
     return cause, largest

@@ -14,9 +14,10 @@ import numpy as np
 from workbench.claims import Rigor, Verdict, weakest
 from workbench.errors import InputError
 from workbench.reach.occupancy import occupancy_function
-from workbench.reach.person_clearance import Cause, Nearest, nearest_people
+from workbench.reach.person_clearance import Nearest, nearest_people
 from workbench.reach.tube import Array, ReachTube
 from workbench.runtime.contents import VehicleBody
+from workbench.runtime.layout import KernelCause
 from workbench.runtime.observation import Person
 from workbench.runtime.path import PathTable
 from workbench.runtime.person_tubes import (
@@ -221,11 +222,11 @@ def check_separation(
         raise InputError(f"{fault}; mend the tubes, or ask about fewer people at once")
     occupancy = covered_ground(tube, ground=ground, body=body)
     by_kind = _by_kind(crowd, tube.times, occupancy, comparison)
-    asked = [found for found in by_kind.values() if found.cause is not Cause.NOT_ASKED]
+    asked = [found for found in by_kind.values() if found.cause is not KernelCause.NOT_ASKED]
     least = min(asked, key=lambda found: found.clearance_m, default=None)
     smallest, when, who, which = math.inf, None, None, None
     if least is not None and least.person is not None:
-        smallest = least.clearance_m if least.cause is Cause.PROVED else -math.inf
+        smallest = least.clearance_m if least.cause is KernelCause.PROVED else -math.inf
         when, who, which = least.time_s, crowd[least.person].name, least.tube
     safe = bool(np.all(np.isfinite(occupancy))) and smallest >= clearance_required_m
     verdict = Verdict.SAFE if safe else Verdict.UNPROVED

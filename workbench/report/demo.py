@@ -10,9 +10,10 @@ from workbench.claims import Assumption, Verdict
 from workbench.report.curves import Growth, SampledRuns, TubeCurves
 from workbench.report.figures import comparison_table, growth_figure, tube_figure
 from workbench.report.page import Assumptions, Block, Claim, Claims, Page, Paragraph, Section
-from workbench.report.plane import plane_figure, summary_table, verdict_timeline
+from workbench.report.plane import plane_figure
 from workbench.report.scene import Scene
 from workbench.report.tables import Table
+from workbench.report.timeline import summary_table, verdict_timeline
 from workbench.simulation.frames import Frame
 
 
@@ -23,8 +24,8 @@ class DemoReport:
 
     lead: the outcome in plain sentences; claims: statements with their Rigor; tube, samples: the
     reach tube and runs inside it; growths: sampled, learned and proved half widths over time;
-    frames: the decisions of the crossing scenario in time order; numbers: more tables;
-    assumptions: those of the bundle.
+    frames: the decisions of the crossing scenario in time order; deciding: whose TRACK counted,
+    "both" or a policy's name; numbers: more tables; assumptions: those of the bundle.
     """
 
     lead: tuple[str, ...]
@@ -33,6 +34,7 @@ class DemoReport:
     samples: SampledRuns | None
     growths: tuple[Growth, ...]
     frames: tuple[Frame, ...]
+    deciding: str
     numbers: tuple[Table, ...]
     assumptions: tuple[Assumption, ...]
 
@@ -57,19 +59,37 @@ def demo_page(report: DemoReport, *, version: str, command: str) -> Page:
         Section("What is claimed, and how strongly", (Claims(report.claims),)),
         Section("Learned and proved bounds side by side", bounds),
         Section("The reach tube", (tube_figure(report.tube, report.samples),)),
-        Section("The crossing, decision by decision", decision_blocks(report.frames)),
+        Section("The crossing, decision by decision", _crossing(report)),
         Section("Numbers", (summary_table(report.frames), *report.numbers)),
         Section("Assumptions behind every SAFE", (Assumptions(report.assumptions),)),
     )
     return Page("Workbench demo", report.lead, sections, version, command)
 
 
+def _crossing(report: DemoReport) -> tuple[Block, ...]:
+    return (
+        Paragraph(
+            f"Deciding: {report.deciding}. A decision is made ten times a second; a sender that "
+            "turns thirty times a second commands what was permitted, and BRAKE where no decision "
+            "came in time. The car does what was sent. Where FailSafe decides, it starts at "
+            "standstill, and a BRAKE is carried out until it stands again."
+        ),
+        *decision_blocks(report.frames),
+    )
+
+
 def decision_blocks(frames: Sequence[Frame]) -> tuple[Block, ...]:
-    """Player, timeline and the picture of the most telling decision."""
+    """What the policies ask, the player, the timeline and the most telling decision."""
     caption = "The scene from above, as each decision saw it."
     moment = telling(frames)
     travelled = [(frame.x_m, frame.y_m) for frame in frames if frame.t_s <= moment.t_s]
     return (
+        Paragraph(
+            "LookAhead permits TRACK while TRACK over the horizon keeps clear of where people are "
+            "expected to go. FailSafe permits it while TRACK for one more period, then BRAKE to "
+            "standstill, keeps clear of everywhere they can be. Both are asked every time, for "
+            "nested sets of states; if not even BRAKE is proved to keep clear, somebody is alerted."
+        ),
         Scene(frames, caption),
         verdict_timeline(frames),
         plane_figure(moment, travelled),

@@ -8,8 +8,8 @@ from typing import final
 from workbench.claims import Assumption
 from workbench.report.demo import decision_blocks
 from workbench.report.page import Assumptions, Notice, Page, Section
-from workbench.report.plane import summary_table
 from workbench.report.tables import Table
+from workbench.report.timeline import summary_table
 from workbench.simulation.frames import Frame
 
 

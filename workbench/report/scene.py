@@ -10,10 +10,13 @@ from typing import Generic, TypeVar, final
 from workbench.claims import Verdict
 from workbench.report.drawing import VERDICT_COLOURS, thinned
 from workbench.report.page import asset, escaped
-from workbench.report.plane import nearest, require_frames
-from workbench.simulation.frames import Frame, PersonFrame, Point, drawable
+from workbench.report.plane import nearest
+from workbench.report.timeline import require_frames
+from workbench.simulation.frames import Disc, Frame, PersonFrame, Point, Rectangle, drawable
 
 _VERDICTS = tuple(Verdict)
+# Of each guard: now, and on the way to a stop.
+_GUARDS = 3
 T = TypeVar("T", bound=Hashable)
 
 
@@ -77,17 +80,24 @@ _MARKUP = """<div class="scene" role="group" aria-label="Scene player">
 <option value="1" selected>1×</option><option value="4">4×</option></select></label>
 <button type="button" class="closer" aria-label="Zoom in">+</button>
 <button type="button" class="wider" aria-label="Zoom out">−</button>
+<label>Show <select class="shown"><option value="0" selected>both policies</option>
+<option value="1">LookAhead</option><option value="2">FailSafe</option></select></label>
 <label><input type="checkbox" class="follow" checked> follow the car</label></div>
 <dl class="readout"><div><dt>time</dt><dd class="time">–</dd></div>
 <div><dt>verdict</dt><dd><span class="badge verdict">–</span></dd></div>
 <div><dt>action</dt><dd class="action">–</dd></div>
+<div><dt>sent</dt><dd class="sent">–</dd></div>
 <div><dt>speed</dt><dd class="speed">–</dd></div>
 <div><dt>proved clearance</dt><dd class="clearance">–</dd></div>
 <div><dt>people</dt><dd class="people">–</dd></div>
-<div class="reason"><dt>reason</dt><dd class="why">–</dd></div></dl>
-<p class="key">{caption} Outline with arrow: the car. Dashed line: the path. Coloured boxes:
-where the car can be, up to the horizon or the end of the proof (a few of many boxes).
-Blue: people now, and the discs predicted.
+<div class="reason"><dt>reason</dt><dd class="why">–</dd></div>
+<div class="reason"><dt>each policy</dt><dd class="policies">–</dd></div>
+<div class="reason"><dt>nested sets, the largest first</dt><dd class="levels">–</dd></div>
+<div class="reason"><dt>violations and alert</dt><dd class="named">–</dd></div></dl>
+<p class="key">{caption} Outline with arrow: the car. Dashed line: the path. Filled boxes:
+where the car can be in TRACK, up to the horizon or the end of the proof, coloured by what LookAhead
+says; bold empty boxes: in TRACK and then BRAKE to standstill, coloured by what FailSafe says (a few
+of many boxes). Blue: people now, and the discs predicted; dotted: where their guard lets them be.
 <span class="left-out"></span> Keys: space plays and stops, ← and → step,
 Home and End jump, + and − zoom.</p>
 <noscript><p class="notice">The player needs JavaScript; the pictures do not.</p></noscript>
@@ -122,26 +132,14 @@ def scene_json(frames: Sequence[Frame], detail: Detail) -> str:
     to the car are left out of the drawing; `n` keeps their true number.
     """
     texts, paths = _Pool[str](), _Pool[tuple[Point, ...]]()
-    rows = []
-    for index in thinned(len(frames), detail.frames):
-        frame = frames[index]
-        near = nearest(frame)[: detail.people]
-        rows.append(
-            {
-                "t": round(frame.t_s, 3),
-                "c": [*_cm((frame.x_m, frame.y_m)), round(1000.0 * frame.heading)],
-                "b": _cm((frame.front_m, frame.rear_m, frame.half_width_m)),
-                "s": round(frame.speed_mps, 2),
-                "v": _VERDICTS.index(frame.verdict),
-                "a": texts.index(frame.action),
-                "r": texts.index(frame.reason),
-                "d": None if frame.clearance_m is None else round(frame.clearance_m, 2),
-                "o": _rectangles(frame, detail.rectangles),
-                "n": len(frame.people),
-                "p": [[texts.index(person.name), *_discs(person, detail.discs)] for person in near],
-                "l": paths.index(frame.path),
-            }
-        )
+    chosen = [frames[index] for index in thinned(len(frames), detail.frames)]
+    rows = [
+        _seen_row(frame, detail, texts)
+        | _said_row(frame, texts)
+        | {"l": paths.index(frame.path), "o": _rectangles(frame.occupancy, detail.rectangles),
+           "h": _rectangles(frame.stop_occupancy, detail.rectangles)}
+        for frame in chosen
+    ]  # fmt: skip
     content = {
         "verdicts": [[verdict.value, VERDICT_COLOURS[verdict]] for verdict in _VERDICTS],
         "total": len(frames),
@@ -150,6 +148,39 @@ def scene_json(frames: Sequence[Frame], detail: Detail) -> str:
         "frames": rows,
     }
     return json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
+def _seen_row(frame: Frame, detail: Detail, texts: _Pool[str]) -> dict[str, object]:
+    """Car and people of one decision."""
+    near = nearest(frame)[: detail.people]
+    return {
+        "t": round(frame.t_s, 3),
+        "c": [*_cm((frame.x_m, frame.y_m)), round(1000.0 * frame.heading)],
+        "b": _cm((frame.front_m, frame.rear_m, frame.half_width_m)),
+        "s": round(frame.speed_mps, 2),
+        "n": len(frame.people),
+        "p": [[texts.index(person.name), *_seen(person, detail.discs)] for person in near],
+        "g": [_discs(person.guarded, _GUARDS) for person in near],
+    }
+
+
+def _said_row(frame: Frame, texts: _Pool[str]) -> dict[str, object]:
+    """What was said and sent: v, a, r, d decided; q policies; m nested sets; w, z warnings."""
+    return {
+        "v": _VERDICTS.index(frame.verdict),
+        "a": texts.index(frame.action),
+        "r": texts.index(frame.reason),
+        "d": None if frame.clearance_m is None else round(frame.clearance_m, 2),
+        "e": texts.index(frame.sent),
+        "q": [
+            [texts.index(each.policy), _VERDICTS.index(each.verdict), texts.index(each.action),
+             texts.index(each.reason)]
+            for each in frame.policies
+        ],
+        "m": [[texts.index(m.tube), *map(_VERDICTS.index, m.verdicts)] for m in frame.levels],
+        "w": [texts.index(text) for text in frame.violations],
+        "z": None if frame.alert is None else texts.index(frame.alert),
+    }  # fmt: skip
 
 
 def _cm(values: Iterable[float]) -> list[int]:
@@ -166,8 +197,8 @@ def _differences(rows: Iterable[Sequence[int]]) -> list[int]:
     return flat
 
 
-def _rectangles(frame: Frame, limit: int) -> list[int]:
-    shapes = [shape for shape in frame.occupancy if drawable(shape)]
+def _rectangles(occupancy: Sequence[Rectangle], limit: int) -> list[int]:
+    shapes = [shape for shape in occupancy if drawable(shape)]
     chosen = [shapes[index] for index in thinned(len(shapes), limit)]
     return _differences(
         [*_cm((x, y)), round(1000.0 * heading), *_cm((length, width))]
@@ -175,7 +206,13 @@ def _rectangles(frame: Frame, limit: int) -> list[int]:
     )
 
 
-def _discs(person: PersonFrame, limit: int) -> list[int]:
-    shapes = [shape for shape in person.predicted if drawable(shape)]
-    chosen = [shapes[index] for index in thinned(len(shapes), limit)]
-    return _differences(_cm(disc) for disc in [(person.x_m, person.y_m, person.radius_m), *chosen])
+def _seen(person: PersonFrame, limit: int) -> list[int]:
+    """The person now, and the discs predicted for them."""
+    later = [disc for disc in person.predicted if drawable(disc)]
+    chosen = [later[index] for index in thinned(len(later), limit)]
+    return _differences(map(_cm, [(person.x_m, person.y_m, person.radius_m), *chosen]))
+
+
+def _discs(shapes: Sequence[Disc], limit: int) -> list[int]:
+    known = [shape for shape in shapes if drawable(shape)]
+    return _differences(_cm(known[index]) for index in thinned(len(known), limit))

@@ -25,6 +25,9 @@ from workbench.runtime.floats import float_mode_fault
 from workbench.runtime.manifest import manifest_from_json
 from workbench.runtime.native import NativeKernel, check_machine
 
+OPEN_FIELDS = frozenset({"people_tubes", "people_pieces"})
+"""Query fields that counts elsewhere in the query say how much of is read."""
+
 _MEND = "copy the bundle again, or rebuild it with `workbench build`"
 
 
@@ -57,16 +60,16 @@ class Result:
 
 @final
 class Rows(Sequence[tuple[float, ...]]):
-    """Rows of a row-major matrix, made into tuples only when they are read."""
+    """Rows of a row-major matrix, made into tuples only when they are read; numbers: all of it."""
 
-    __slots__ = ("_numbers", "_width")
+    __slots__ = ("_width", "numbers")
 
     def __init__(self, numbers: memoryview[float], width: int) -> None:
-        self._numbers = numbers
+        self.numbers = numbers
         self._width = width
 
     def __len__(self) -> int:
-        return len(self._numbers) // self._width
+        return len(self.numbers) // self._width
 
     @overload
     def __getitem__(self, index: int) -> tuple[float, ...]: ...
@@ -78,7 +81,7 @@ class Rows(Sequence[tuple[float, ...]]):
         if isinstance(index, slice):
             return tuple(self[k] for k in range(*index.indices(len(self))))
         start = range(len(self))[index] * self._width
-        return tuple(self._numbers[start : start + self._width])
+        return tuple(self.numbers[start : start + self._width])
 
 
 @final
@@ -93,13 +96,15 @@ class Bundle:
         self._required = {field.name for field in manifest.query if field.default is None}
         self._template = array("d")
         for field in manifest.query:
-            self._template.extend(field.default or (math.nan,) * field.count)
+            missing = 0.0 if field.name in OPEN_FIELDS else math.nan
+            self._template.extend(field.default or (missing,) * field.count)
 
     def call(self, values: Mapping[str, Sequence[float]]) -> Result:
         """Run the kernel once.
 
         values: query field name -> its numbers, exactly as many as the field holds; fields with a
-        default may be left out. Raises InputError on unknown, missing or wrongly sized fields.
+        default may be left out; of `OPEN_FIELDS` the last numbers may be missing and are 0. Raises
+        InputError on unknown, missing or wrongly sized fields.
         Nothing is checked about the numbers themselves: `Monitor` does that, before and after.
         """
         missing = self._required - values.keys()
@@ -114,11 +119,12 @@ class Bundle:
                     f"the query has no field {name!r}; it has {sorted(self._query_fields)}"
                 )
             block = array("d", numbers)
-            if len(block) != field.count:
+            short = name in OPEN_FIELDS and len(block) <= field.count
+            if len(block) != field.count and not short:
                 raise InputError(
                     f"query field {name!r}: expected {field.count} numbers, got {len(block)}"
                 )
-            query[field.span] = block
+            query[field.offset : field.offset + len(block)] = block
         code = self._kernel.run()
         return Result(code, bytes(self._kernel.result), self._result_fields)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,14 +10,17 @@ from typing import final
 
 from workbench.claims import Assumption, Rigor
 from workbench.errors import InputError
+from workbench.runtime.policies.deciding import Deciding
+from workbench.runtime.policies.horizon import BrakeBounds
 from workbench.sets import Box
 
-FORMAT = 1
+FORMAT = 2
 MANIFEST_FILE = "manifest.json"
 LIBRARY_FILE = "kernel.so"
 SOURCE_FILE = "kernel.c"
+HEADER_FILE = "kernel.h"
 CHECKSUM_FILE = "SHA256SUMS"
-CHECKED_FILES = (LIBRARY_FILE, SOURCE_FILE, MANIFEST_FILE)
+CHECKED_FILES = (LIBRARY_FILE, SOURCE_FILE, HEADER_FILE, MANIFEST_FILE)
 
 
 def _refuse(what: str) -> InputError:
@@ -126,6 +130,22 @@ class VehicleBody:
 
 @final
 @dataclass(frozen=True, slots=True)
+class NestedLevel:
+    """One of the nested sets: the observation about its centre, its radii times `share`."""
+
+    name: str
+    share: float
+
+    def __post_init__(self) -> None:
+        if not self.name or not 0.0 < self.share <= 1.0:
+            raise _refuse(
+                f"level {self.name!r}: expected a name and a share > 0, at most 1, "
+                f"got {self.share!r}"
+            )
+
+
+@final
+@dataclass(frozen=True, slots=True)
 class Golden:
     """One recorded call: query, result bit for bit, and what the entry point returned."""
 
@@ -140,7 +160,11 @@ class Manifest:
     """Everything a bundle claims; raises InputError when its parts do not fit together.
 
     query, result: fields that tile their buffers exactly, in order. region: box of the states
-    (those it names) in which the proof holds, or None. golden: at least one recorded call.
+    (those it names) in which the proof holds, or None. levels: nested sets, the largest first, its
+    share 1; deciding_level: the one whose SAFE counts; deciding: whose TRACK counts, a value of
+    `Deciding`. brake: what BRAKE does at least. guard_speed_max_mps, guard_accel_max_mps2: what
+    nobody exceeds, those who are not seen included. budget: most attempted steps of integration in
+    one call. golden: at least one recorded call.
     """
 
     name: str
@@ -158,6 +182,13 @@ class Manifest:
     step_s: float
     horizon_s: float
     region: Box | None
+    levels: tuple[NestedLevel, ...]
+    deciding_level: str
+    deciding: str
+    brake: BrakeBounds
+    guard_speed_max_mps: float
+    guard_accel_max_mps2: float
+    budget: int
     rigor: Rigor
     assumptions: tuple[Assumption, ...]
     golden: tuple[Golden, ...]
@@ -178,7 +209,26 @@ class Manifest:
         known = {state.name for state in self.states}
         if self.region is not None and not known.issuperset(self.region.names):
             raise _refuse(f"the region names {self.region.names}, the states are {sorted(known)}")
+        self._check_deciding()
         self._check_golden()
+
+    def _check_deciding(self) -> None:
+        names = [level.name for level in self.levels]
+        _check_names("level", names)
+        shares = [level.share for level in self.levels]
+        falling = all(a > b for a, b in itertools.pairwise(shares))
+        if not shares or shares[0] != 1.0 or not falling:
+            raise _refuse(f"expected shares that fall from 1 on, level by level, got {shares!r}")
+        if self.deciding_level not in names:
+            raise _refuse(f"deciding_level: expected one of {names!r}, got {self.deciding_level!r}")
+        policies = [deciding.value for deciding in Deciding]
+        if self.deciding not in policies:
+            raise _refuse(f"deciding: expected one of {policies!r}, got {self.deciding!r}")
+        limits = (self.guard_speed_max_mps, self.guard_accel_max_mps2)
+        if not all(0.0 < limit < math.inf for limit in limits):
+            raise _refuse(f"guard: expected finite limits > 0, got {limits!r}")
+        if self.budget < 1:
+            raise _refuse(f"budget: expected at least 1 step, got {self.budget}")
 
     def _check_golden(self) -> None:
         if not self.golden:

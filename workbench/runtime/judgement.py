@@ -1,28 +1,37 @@
-"""From a kernel's numbers to a verdict: every number is doubted before it is believed."""
+"""From a kernel's numbers to answers: every number is doubted before it is believed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import final
 
 from workbench.claims import Verdict
 from workbench.runtime.bundle import Result
-from workbench.runtime.layout import (
-    KERNEL_VERDICTS,
-    NO_CLEARANCE_M,
-    OCCUPANCY_NUMBERS,
-    KernelStatus,
+from workbench.runtime.layout import TUBES, KernelStatus
+from workbench.runtime.person_tubes import TubeKind
+from workbench.runtime.policies.cycle import Answer, ProvedTube, StopAnswer, Watched
+from workbench.runtime.tube_answers import (
+    KernelFaultError,
+    Question,
+    believed,
+    kernel_tube,
+    whole,
 )
 
-_STATUS_TEXTS = {
-    KernelStatus.COMPLETE: "complete",
-    KernelStatus.LEFT_REGION: "the tube left the path table or the operating region",
-    KernelStatus.ENCLOSURE_FAILED: "no enclosure of the motion was found",
-    KernelStatus.SINGULAR: "the path coordinates became singular",
-    KernelStatus.BAD_INPUT: "the kernel found its input not finite or out of range",
-}
+__all__ = [
+    "CannotJudgeError",
+    "Judgement",
+    "KernelFaultError",
+    "Question",
+    "farthest_m",
+    "judge",
+    "unjudged",
+]
+
+# Rotating and adding four numbers errs by less than this, relatively.
+_OUTWARD = 1.0 + 2.0**-48
 
 
 @final
@@ -32,127 +41,83 @@ class CannotJudgeError(Exception):
 
 @final
 @dataclass(frozen=True, slots=True)
-class Question:
-    """What was asked, as far as the answer can be checked against it.
+class Judgement:
+    """What was found in one cycle, for the policies and for the decision.
 
-    initial_center: of the path states; people: names in the order sent; steps, step_s: the tube's.
+    track_intent, brake_intent, brake_guard, stop_guard: see `Cycle`; level_verdicts, occupancy,
+    tube_lower, tube_upper, stop_occupancy: see `Decision`.
     """
 
-    initial_center: Sequence[float]
-    people: tuple[str, ...]
-    clearance_required_m: float
-    steps: int
-    step_s: float
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Judgement:
-    """Verdict with its reason and what was proved; see `Decision` for the fields."""
-
-    verdict: Verdict
-    reason: str
-    clearance_m: float | None = None
-    clearance_time_s: float | None = None
-    clearance_person: str | None = None
+    track_intent: Answer
+    brake_intent: Answer
+    brake_guard: Answer
+    stop_guard: StopAnswer
+    level_verdicts: Mapping[str, tuple[Verdict, ...]] = field(default_factory=dict)
     occupancy: Sequence[tuple[float, ...]] = field(default=(), repr=False)
     tube_lower: Sequence[tuple[float, ...]] = field(default=(), repr=False)
     tube_upper: Sequence[tuple[float, ...]] = field(default=(), repr=False)
+    stop_occupancy: Sequence[tuple[float, ...]] = field(default=(), repr=False)
+
+
+def unjudged(reason: str) -> Judgement:
+    """Nothing was found, because of `reason`: every answer is INVALID."""
+    answer = Answer(Verdict.INVALID, f"invalid: {reason}", None, None, None, 0.0)
+    nothing = ProvedTube((0.0,), (), ())
+    stop = StopAnswer(answer, nothing, (math.inf, -math.inf), None, math.inf)
+    return Judgement(answer, answer, answer, stop)
 
 
 def judge(result: Result, question: Question) -> Judgement:
-    """Check a result and say what it means; raises CannotJudgeError for anything out of order.
+    """Check a result and say what it means; raises KernelFaultError for anything out of
+    order, CannotJudgeError where the kernel refuses the query.
 
-    SAFE is believed only when the kernel ran to its end over all steps, every number is finite, the
-    tube is ordered and starts around the initial centre, everybody was looked at, and the clearance
-    reaches what was required.
+    SAFE is believed only when the tube is complete (TRACK: over all steps; the others: to
+    standstill), every number of it is finite, it is ordered and starts around the measured set of
+    the level that it is of, this level contains the deciding one, everybody was looked at, and the
+    clearance reaches what was required.
     """
     if result.code != 0:
-        raise CannotJudgeError(f"the kernel refused the query (code {result.code})")
-    verdict = KERNEL_VERDICTS[_whole(result, "verdict", 0, len(KERNEL_VERDICTS) - 1)]
-    status = KernelStatus(_whole(result, "status", 0, max(KernelStatus)))
-    if verdict is Verdict.INVALID or status is KernelStatus.BAD_INPUT:
-        raise CannotJudgeError(f"the kernel calls the query invalid: {_STATUS_TEXTS[status]}")
-    steps = _whole(result, "steps_done", 0, question.steps)
-    complete = status is KernelStatus.COMPLETE
-    if complete and steps != question.steps:
-        raise CannotJudgeError(f"the kernel says complete after {steps} of {question.steps} steps")
-    if verdict is Verdict.SAFE and not complete:
-        raise CannotJudgeError(f"the kernel says SAFE, but also: {_STATUS_TEXTS[status]}")
-    width = len(question.initial_center)
-    lower = result.rows("tube_lower", width=width, count=steps)
-    upper = result.rows("tube_upper", width=width, count=steps)
-    occupancy = result.rows("occupancy", width=OCCUPANCY_NUMBERS, count=steps)
-    _check_tube(result, question, steps)
-    clearance_m, time_s, person = _clearance(result, question)
-    if verdict is Verdict.SAFE:
-        reason = _safe_reason(clearance_m, person, question)
-    elif not complete:
-        reason = f"unproved: {_STATUS_TEXTS[status]} after {steps * question.step_s:.2f} s"
-    elif person is None or clearance_m is None:
-        raise CannotJudgeError("the kernel says unproved, but names nobody and no failure")
-    else:
-        reason = (
-            f"unproved: separation from {person} at {time_s:.2f} s, clearance {clearance_m:.2f} m "
-            f"of {question.clearance_required_m:.2f} m required"
-        )
-    return Judgement(verdict, reason, clearance_m, time_s, person, occupancy, lower, upper)
+        raise KernelFaultError(f"the kernel refused the query (code {result.code})")
+    status = KernelStatus(whole(result, "status", least=0, most=max(KernelStatus)))
+    if status is KernelStatus.BAD_INPUT:
+        raise CannotJudgeError(status.text)
+    if status is not KernelStatus.COMPLETE:
+        raise KernelFaultError(f"the kernel says of the whole query: {status.text}")
+    whole(result, "spent", least=0, most=question.budget)
+    track, stop, brake = (kernel_tube(result, name, question) for name in TUBES)
+    return Judgement(
+        believed(track, TubeKind.INTENT, question),
+        believed(brake, TubeKind.INTENT, question),
+        believed(brake, TubeKind.GUARD, question),
+        StopAnswer(
+            believed(stop, TubeKind.GUARD, question),
+            ProvedTube(question.times_s[: len(stop.lower) + 1], stop.lower, stop.upper),
+            question.switch_s,
+            question.start_s,
+            _above(farthest_m(stop.occupancy, question.watched) + question.clearance_required_m),
+        ),
+        {name: tube.verdicts for name, tube in zip(TUBES, (track, stop, brake), strict=True)},
+        track.occupancy,
+        track.lower,
+        track.upper,
+        stop.occupancy,
+    )
 
 
-def _whole(result: Result, name: str, least: int, most: int) -> int:
-    value = result.scalar(name)
-    # NaN fails both comparisons, so it ends here too.
-    if not (least <= value <= most and value == math.floor(value)):
-        raise CannotJudgeError(
-            f"the kernel's {name} is {value!r}, expected a whole number from {least} to {most}"
-        )
-    return int(value)
+def farthest_m(occupancy: Sequence[tuple[float, ...]], watched: Watched) -> float:
+    """Largest distance (m) of a rectangle's corner from the centre of `watched`, rounded up.
+
+    With the centre at (u, v) from the middle along and across the rectangle and half sizes a, b:
+    sqrt((|u| + a)^2 + (|v| + b)^2). 0 without rectangles.
+    """
+    largest = 0.0
+    for x, y, heading, half_length, half_width in occupancy:
+        dx, dy = x - watched.x_m, y - watched.y_m
+        c, s = math.cos(heading), math.sin(heading)
+        along, across = abs(c * dx + s * dy) + half_length, abs(c * dy - s * dx) + half_width
+        largest = max(largest, along * along + across * across)
+    return math.sqrt(largest) * _OUTWARD
 
 
-def _check_tube(result: Result, question: Question, steps: int) -> None:
-    width = len(question.initial_center)
-    lower = result.values("tube_lower")[: steps * width]
-    upper = result.values("tube_upper")[: steps * width]
-    occupancy = result.values("occupancy")[: steps * OCCUPANCY_NUMBERS]
-    for name, numbers in (("tube", lower), ("tube", upper), ("occupancy", occupancy)):
-        if not all(map(math.isfinite, numbers)):
-            raise CannotJudgeError(f"the kernel's {name} holds numbers that are not finite")
-    if any(low > high for low, high in zip(lower, upper, strict=True)):
-        raise CannotJudgeError("the kernel's tube is inside out: a lower bound exceeds the upper")
-    half_sizes = (*occupancy[3::OCCUPANCY_NUMBERS], *occupancy[4::OCCUPANCY_NUMBERS])
-    if any(size < 0.0 for size in half_sizes):
-        raise CannotJudgeError("the kernel's occupancy holds a rectangle of negative size")
-    # zip ends early, with nothing to compare, when no step was done.
-    for low, center, high in zip(lower, question.initial_center, upper, strict=False):
-        if not low <= center <= high:
-            raise CannotJudgeError("the kernel's tube does not start around the initial state")
-
-
-def _clearance(result: Result, question: Question) -> tuple[float | None, float | None, str | None]:
-    index = _whole(result, "clearance_person", -1, len(question.people) - 1)
-    clearance_m, time_s = result.scalar("clearance_m"), result.scalar("clearance_time_s")
-    horizon_s = question.steps * question.step_s
-    if index < 0:
-        if clearance_m != NO_CLEARANCE_M:
-            raise CannotJudgeError(f"the kernel reports a clearance of {clearance_m!r} m to nobody")
-        return None, None, None
-    # A grid of times ends within rounding of the horizon, never a step beyond it.
-    if not (math.isfinite(clearance_m) and 0.0 <= time_s <= horizon_s * (1.0 + 1e-9)):
-        raise CannotJudgeError(
-            f"the kernel reports a clearance of {clearance_m!r} m at {time_s!r} s, "
-            f"the horizon is {horizon_s!r} s"
-        )
-    return clearance_m, time_s, question.people[index]
-
-
-def _safe_reason(clearance_m: float | None, person: str | None, question: Question) -> str:
-    if clearance_m is None:
-        if question.people:
-            raise CannotJudgeError("the kernel says SAFE without having looked at anybody")
-        return "safe: nobody is near"
-    if clearance_m < question.clearance_required_m:
-        raise CannotJudgeError(
-            f"the kernel says SAFE with a clearance of {clearance_m!r} m, "
-            f"{question.clearance_required_m!r} m were required"
-        )
-    return f"safe: at least {clearance_m:.2f} m from {person}"
+def _above(rounded: float) -> float:
+    return math.nextafter(rounded, math.inf)

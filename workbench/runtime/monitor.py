@@ -1,42 +1,55 @@
-"""The monitor: one observation in, one decision out, and braking whenever it cannot judge."""
+"""The monitor: one observation in, one decision out, and a safe answer whenever it cannot judge."""
 
 from __future__ import annotations
 
 import math
+import numbers
 import time
-from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import final
 
-from workbench.claims import Rigor, Verdict, weakest
-from workbench.errors import InputError
+from workbench.claims import Rigor, weakest
 from workbench.runtime.arc import Interval
 from workbench.runtime.bundle import Bundle
-from workbench.runtime.contents import Field, Manifest
 from workbench.runtime.decision import Action, Decision
 from workbench.runtime.floats import float_mode_fault
-from workbench.runtime.judgement import CannotJudgeError, Judgement, Question, judge
-from workbench.runtime.layout import PERSON_NUMBERS, query_counts, result_counts
-from workbench.runtime.observation import Observation, Person, fault_in_observation
-from workbench.runtime.path import NoProjection, PathTable
+from workbench.runtime.judgement import (
+    CannotJudgeError,
+    Judgement,
+    KernelFaultError,
+    Question,
+    judge,
+    unjudged,
+)
+from workbench.runtime.layout import KERNEL_VERDICTS
+from workbench.runtime.measuring import STATES, Measuring, check_region, initial_sets
+from workbench.runtime.observation import (
+    Observation,
+    fault_in_observation,
+    held_to,
+    seen_people,
+    tracked_people,
+    watched_at_stamp,
+)
+from workbench.runtime.path import PathTable
+from workbench.runtime.person_guard import MotionLimits
+from workbench.runtime.person_tubes import TrackedPerson
+from workbench.runtime.policies import (
+    Cycle,
+    Deciding,
+    LookAhead,
+    Phase,
+    Policies,
+    PoliciesOutcome,
+    Timing,
+    Turn,
+)
+from workbench.runtime.policies.plan import SPEED
+from workbench.runtime.query import PathWindows, check_interface, crowd_values, parameter_values
+from workbench.runtime.settings import check_settings, fail_safe_of, fixed_values, started
 from workbench.sets import Box
 
-__all__ = ["STATES", "Action", "Decision", "Monitor", "Observation", "Person"]
-
-STATES = (
-    "station",
-    "offset",
-    "steering",
-    "speed",
-    "heading_error",
-    "speed_integral",
-    "offset_integral",
-)
-"""The kernel's states, in order, that a `Monitor` can fill from an `Observation`."""
-
-_REFERENCE_SPEED = "reference_speed"
-_NODES_BEHIND = 4
-_NODES_PER_SHIFT = 8
+__all__ = ["STATES", "Action", "Decision", "Monitor", "Observation"]
 
 
 @final
@@ -44,240 +57,227 @@ class Monitor:
     """Decides, observation by observation, whether the vehicle may go on tracking its path.
 
     bundle: the compiled proof. path: the whole route; each query gets a window of it around the
-    vehicle. release_steps: how many SAFE verdicts in a row end braking once it was decided (1: the
-    first does; a monitor that never braked needs one). clearance_required_m >= 0: distance between
-    body and person that SAFE must prove. start_station_m: where on the path the vehicle starts,
-    needed only where the path meets itself; None finds it out. Raises InputError when the bundle's
-    kernel does not take or give what a monitor needs.
+    vehicle. release_steps: how many SAFE verdicts in a row end braking once `LookAhead` decided it
+    (1: the first does; a monitor that never braked needs one). clearance_required_m >= 0: distance
+    between body and person that SAFE must prove. timing: how often and how late it is asked, and
+    how often `turn` is. deciding: whose TRACK counts, a `Deciding` or its value, None for what the
+    bundle says.
+    start_station_m: where on the path the vehicle starts, needed only where the path meets itself;
+    None finds it out. clock: the monotonic clock of all stamps, in s below 1e9. Raises InputError
+    when the bundle's kernel does not take or give what a monitor needs.
+
+    Of the people's guards it asks what the theorem of docs/fail-safe-induction.md needs, that they
+    overlap from cycle to cycle, not that each lies inside the one before.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what the vehicle sets; none of it has a home elsewhere
         self,
         bundle: Bundle,
         path: PathTable,
         *,
         release_steps: int,
         clearance_required_m: float,
+        timing: Timing,
+        deciding: Deciding | None = None,
         start_station_m: float | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        _check_settings(release_steps, clearance_required_m, start_station_m)
+        check_settings(clearance_required_m, start_station_m)
         manifest = bundle.manifest
-        _check_interface(manifest)
-        query = {field.name: field for field in manifest.query}
+        check_interface(manifest)
+        levels = manifest.levels
         self._bundle = bundle
-        self._path = path
-        self._release_steps = release_steps
+        self._limits = MotionLimits(manifest.guard_speed_max_mps, manifest.guard_accel_max_mps2)
+        self._clock = clock
         self._clearance_m = clearance_required_m
-        self._station_m = start_station_m
-        self._path_nodes = query["path_x"].count
-        self._people = query["people"].count // PERSON_NUMBERS
-        self._parameters = [parameter.nominal for parameter in manifest.parameters]
-        names = [parameter.name for parameter in manifest.parameters]
-        self._reference = names.index(_REFERENCE_SPEED)
-        self._safe_in_a_row = release_steps
-        self._window_start: float | None = None
-        self._window: Mapping[str, Sequence[float]] = {}
-        body = manifest.vehicle
-        self._fixed = {
-            "front_m": (body.front_m,),
-            "rear_m": (body.rear_m,),
-            "half_width_m": (body.half_width_m,),
-            "clearance_required_m": (clearance_required_m,),
-        }
+        self._level = [level.name for level in levels].index(manifest.deciding_level)
+        shares = [level.share for level in levels]
+        self._measuring = Measuring(path, shares, station_m=start_station_m)
+        nodes = next(field.count for field in manifest.query if field.name == "path_x")
+        self._windows = PathWindows(path, nodes=nodes)
+        self._times_s = tuple(k * manifest.step_s for k in range(manifest.steps + 1))
+        self._policies = Policies(
+            look_ahead=LookAhead(
+                horizon_s=min(manifest.horizon_s, self._times_s[-1]),
+                release_steps=release_steps,
+                timing=timing,
+            ),
+            fail_safe=fail_safe_of(manifest, self._level, timing),
+            deciding=Deciding.named(manifest.deciding if deciding is None else deciding),
+        )
+        self._state = self._policies.start(started(self._now()))
+        self._fixed = fixed_values(manifest.vehicle, clearance_required_m, timing)
         # Path coordinates are proved up to a fixed allowance for rounding, hence at most NUMERICAL.
         self._rigor = weakest(manifest.rigor, Rigor.NUMERICAL)
 
     def step(self, observation: Observation) -> Decision:
         """Judge one observation; never raises, whatever the observation holds.
 
-        SAFE permits TRACK once release_steps are met; UNPROVED and INVALID brake. The next call
-        must come from the same thread.
+        What cannot be judged is INVALID: `LookAhead` brakes, `FailSafe` carries out the plan in
+        force. All calls, of `turn` too, must come from the same thread.
         """
-        started_s = time.perf_counter()
+        begun_s, started_s = time.perf_counter(), self._now()
         try:
-            judgement = self._judge(observation)
-        except CannotJudgeError as error:
-            judgement = Judgement(Verdict.INVALID, f"invalid: {error}")
+            cycle, judgement = self._cycle(observation, started_s)
+            state, outcome = self._policies.step(self._state, cycle)
+            decision = self._decision(outcome, judgement, begun_s)
         except Exception as error:
-            # Whatever went wrong, the vehicle must get an answer, and braking is the one that
-            # holds.
-            judgement = Judgement(Verdict.INVALID, f"invalid: {type(error).__name__}: {error}")
-        action, note = self._release(judgement.verdict)
+            # Whatever went wrong, the vehicle must get an answer.
+            judgement = unjudged(_said(error))
+            state, outcome = self._policies.missed(
+                self._state, judgement.track_intent, now_s=self._now()
+            )
+            decision = self._decision(outcome, judgement, begun_s)
+        # Last, so that no failure leaves half a step behind.
+        self._state = state
+        return decision
+
+    def turn(self, now_s: float | None = None) -> Turn:
+        """What to send now (now_s: None reads the clock); to be called on every turn of the sender.
+
+        Never raises; an instant that is no number, or before the last one, brakes.
+        """
+        now_s = self._now() if now_s is None else _instant(now_s)
+        self._state, turn = self._policies.turn(self._state, now_s)
+        return turn
+
+    def _now(self) -> float:
+        try:
+            return _instant(self._clock())
+        except Exception:
+            return math.nan
+
+    def _cycle(self, observation: Observation, started_s: float) -> tuple[Cycle, Judgement]:
+        """What is measured and what the kernel says of it; raises where nothing is measured."""
+        people = tracked_people(observation)
+        fault = fault_in_observation(observation, people)
+        if fault is not None:
+            raise CannotJudgeError(fault)
+        observation = held_to(observation, self._limits)
+        people = tracked_people(observation)
+        measured = self._measuring.boxes(observation)
+        fault = float_mode_fault()
+        if fault is None:
+            judgement, fault = self._judged(observation, people, measured)
+        else:
+            judgement = unjudged(fault)
+        cycle = Cycle(
+            stamp_s=observation.stamp_s,
+            started_s=started_s,
+            finished_s=self._now(),
+            measured=measured,
+            people=seen_people(observation),
+            watched=watched_at_stamp(
+                observation, unseen_speed_mps=self._policies.fail_safe.unseen_speed_mps
+            ),
+            track_intent=judgement.track_intent,
+            brake_intent=judgement.brake_intent,
+            brake_guard=judgement.brake_guard,
+            stop_guard=judgement.stop_guard,
+            fault=fault,
+        )
+        return cycle, judgement
+
+    def _judged(
+        self, observation: Observation, people: Sequence[TrackedPerson], measured: tuple[Box, ...]
+    ) -> tuple[Judgement, str | None]:
+        """The kernel's answer, and why its arithmetic cannot be trusted."""
+        try:
+            values, question = self._query(observation, people, measured)
+            result = self._bundle.call(values)
+            fault = float_mode_fault()
+            if fault is not None:
+                raise KernelFaultError(f"the kernel changed the processor's mode: {fault}")
+            return judge(result, question), None
+        except CannotJudgeError as error:
+            return unjudged(str(error)), None
+        except KernelFaultError as error:
+            return unjudged(str(error)), str(error)
+
+    def _query(
+        self, observation: Observation, people: Sequence[TrackedPerson], measured: tuple[Box, ...]
+    ) -> tuple[Mapping[str, Sequence[float]], Question]:
+        manifest = self._bundle.manifest
+        check_region(manifest, measured[0])
+        start_s = self._start_s(observation.stamp_s, measured[0])
+        values = {
+            **self._fixed,
+            **self._windows.around(measured[0].interval("station")[0]),
+            **crowd_values(people),
+            **initial_sets(measured),
+            "parameters": parameter_values(manifest, observation.reference_speed_mps),
+            "skew_s": observation.skew_s,
+            "start_s": start_s or (0.0, 0.0),
+        }
+        question = Question(
+            measured,
+            self._level,
+            tuple(person.name for person in people),
+            self._clearance_m,
+            self._times_s,
+            manifest.budget,
+            observation.watched,
+            self._policies.fail_safe.timing.switch_s,
+            start_s,
+        )
+        return values, question
+
+    def _start_s(self, stamp_s: float, measured: Box) -> Interval | None:
+        """When the tubes of TRACK begin; None: at the stamp, as for every car that may move then.
+
+        Without a proved standstill there is no plan, whatever the kernel says of the stop tube.
+        """
+        state = self._state.fail_safe
+        rolls = state.phase is Phase.HOLDING and not stamp_s >= state.stands_s
+        least, most = measured.interval(SPEED)
+        if rolls or not least <= 0.0 <= most:
+            return None
+        return self._policies.fail_safe.start_s(state, stamp_s)
+
+    def _decision(self, outcome: PoliciesOutcome, judgement: Judgement, begun_s: float) -> Decision:
+        heard, track = outcome.heard, judgement.track_intent
+        reasons = dict.fromkeys(each.reason for each in heard)
+        named = (f"{each.policy}: {each.reason}" for each in heard)
         return Decision(
-            verdict=judgement.verdict,
-            action=action,
-            reason=judgement.reason + note,
-            clearance_m=judgement.clearance_m,
-            clearance_time_s=judgement.clearance_time_s,
-            clearance_person=judgement.clearance_person,
-            assumptions=self._bundle.manifest.assumptions,
+            verdict=max((each.verdict for each in heard), key=KERNEL_VERDICTS.index),
+            action=outcome.action,
+            reason=next(iter(reasons)) if len(reasons) == 1 else "; ".join(named),
+            brake_from_s=outcome.brake_from_s,
+            look_ahead=outcome.look_ahead,
+            fail_safe=outcome.fail_safe,
+            violations=outcome.violations,
+            alert=outcome.alert,
+            clearance_m=track.clearance_m,
+            clearance_time_s=track.clearance_time_s,
+            clearance_person=track.clearance_person,
             occupancy=judgement.occupancy,
             tube_lower=judgement.tube_lower,
             tube_upper=judgement.tube_upper,
-            elapsed_s=time.perf_counter() - started_s,
+            stop_occupancy=judgement.stop_occupancy,
+            level_verdicts=judgement.level_verdicts,
+            deciding_level=self._bundle.manifest.deciding_level,
+            assumptions=self._bundle.manifest.assumptions,
+            elapsed_s=time.perf_counter() - begun_s,
             rigor=self._rigor,
         )
 
-    def _release(self, verdict: Verdict) -> tuple[Action, str]:
-        if verdict is not Verdict.SAFE:
-            self._safe_in_a_row = 0
-            return Action.BRAKE, ""
-        self._safe_in_a_row = min(self._safe_in_a_row + 1, self._release_steps)
-        if self._safe_in_a_row < self._release_steps:
-            return Action.BRAKE, (
-                f"; braking until {self._release_steps} SAFE in a row, this is number "
-                f"{self._safe_in_a_row}"
-            )
-        return Action.TRACK, ""
 
-    def _judge(self, observation: Observation) -> Judgement:
-        manifest = self._bundle.manifest
-        fault = fault_in_observation(observation) or float_mode_fault()
-        if fault is not None:
-            raise CannotJudgeError(fault)
-        if len(observation.people) > self._people:
-            raise CannotJudgeError(
-                f"{len(observation.people)} people are seen, the kernel holds {self._people}"
-            )
-        state = self._path_state(observation)
-        _check_region(manifest, state)
-        initial = Box.from_intervals(state)
-        values = {
-            **self._fixed,
-            **self._path_window(state["station"]),
-            **self._people_values(observation.people),
-            "initial_center": initial.center,
-            "initial_radius": initial.radius,
-            "parameters": self._parameter_values(observation.reference_speed_mps),
-        }
-        result = self._bundle.call(values)
-        fault = float_mode_fault()
-        if fault is not None:
-            raise CannotJudgeError(f"the kernel changed the processor's mode: {fault}")
-        names = tuple(person.name for person in observation.people)
-        question = Question(
-            initial.center, names, self._clearance_m, manifest.steps, manifest.step_s
-        )
-        return judge(result, question)
-
-    def _path_state(self, observation: Observation) -> dict[str, Interval]:
-        pose = self._path.project(
-            observation.x,
-            observation.y,
-            observation.heading,
-            near_station_m=self._station_m,
-        )
-        if isinstance(pose, NoProjection):
-            raise CannotJudgeError(f"no path coordinates: {pose.reason}")
-        self._station_m = 0.5 * (pose.station[0] + pose.station[1])
-        return {
-            "station": pose.station,
-            "offset": pose.offset,
-            "steering": observation.steering,
-            "speed": observation.speed,
-            "heading_error": pose.heading_error,
-            "speed_integral": observation.speed_integral,
-            "offset_integral": observation.offset_integral,
-        }
-
-    def _path_window(self, station: Interval) -> Mapping[str, Sequence[float]]:
-        path = self._path
-        node = math.floor((station[0] - path.start_m) / path.spacing_m) - _NODES_BEHIND
-        start_m = path.station_m(max(node, 0) // _NODES_PER_SHIFT * _NODES_PER_SHIFT)
-        if start_m != self._window_start:
-            # Half a bin on, so that rounding cannot choose the node before.
-            window = path.window(start_m + 0.5 * path.spacing_m, count=self._path_nodes)
-            self._window = _window_values(window, self._path_nodes)
-            self._window_start = start_m
-        return self._window
-
-    def _people_values(self, people: Sequence[Person]) -> dict[str, Sequence[float]]:
-        numbers = [number for person in people for number in person.numbers]
-        spare = self._people * PERSON_NUMBERS - len(numbers)
-        return {"people_count": (float(len(people)),), "people": numbers + [0.0] * spare}
-
-    def _parameter_values(self, reference_speed_mps: float) -> list[float]:
-        parameter = self._bundle.manifest.parameters[self._reference]
-        if not parameter.lower <= reference_speed_mps <= parameter.upper:
-            raise CannotJudgeError(
-                f"reference speed: the proof covers [{parameter.lower!r}, {parameter.upper!r}] "
-                f"m/s, got {reference_speed_mps!r}"
-            )
-        values = self._parameters.copy()
-        values[self._reference] = reference_speed_mps
-        return values
+def _instant(value: object) -> float:
+    """The value where it is a number, otherwise NaN, which every clock check refuses."""
+    try:
+        return float(value) if isinstance(value, numbers.Real) else math.nan
+    except Exception:
+        # An int may be too large for a float, and other numbers may raise what they like.
+        return math.nan
 
 
-def _check_settings(
-    release_steps: int, clearance_required_m: float, start_station_m: float | None
-) -> None:
-    if release_steps < 1:
-        raise InputError(f"expected release_steps >= 1, got {release_steps!r}")
-    if not 0.0 <= clearance_required_m < math.inf:
-        raise InputError(
-            f"expected a finite clearance_required_m >= 0, got {clearance_required_m!r}"
-        )
-    if start_station_m is not None and not math.isfinite(start_station_m):
-        raise InputError(f"expected a finite start_station_m or None, got {start_station_m!r}")
+def _said(error: Exception) -> str:
+    """The error in words, whatever it holds."""
+    try:
+        return f"{error}" if isinstance(error, CannotJudgeError) else f"{_kind(error)}: {error}"
+    except Exception:
+        return _kind(error)
 
 
-def _check_region(manifest: Manifest, state: Mapping[str, Interval]) -> None:
-    if manifest.region is None:
-        return
-    for name in manifest.region.names:
-        lower, upper = manifest.region.interval(name)
-        low, high = state[name]
-        if not (lower <= low and high <= upper):
-            raise CannotJudgeError(
-                f"{name}: the proof covers [{lower!r}, {upper!r}], got [{low!r}, {high!r}]"
-            )
-
-
-def _window_values(window: PathTable, nodes: int) -> dict[str, Sequence[float]]:
-    def padded(column: Sequence[float]) -> array[float]:
-        return array("d", (*column, *[0.0] * (nodes - len(column))))
-
-    return {
-        "path_count": (float(len(window.x)),),
-        "path_start_m": (window.start_m,),
-        "path_spacing_m": (window.spacing_m,),
-        "path_x": padded(window.x),
-        "path_y": padded(window.y),
-        "path_heading": padded(window.heading),
-        "path_curvature_lower": padded(window.curvature_lower),
-        "path_curvature_upper": padded(window.curvature_upper),
-    }
-
-
-def _check_interface(manifest: Manifest) -> None:
-    states = tuple(state.name for state in manifest.states)
-    if states != STATES:
-        raise InputError(f"expected a kernel in the states {STATES}, the bundle has {states}")
-    if _REFERENCE_SPEED not in (parameter.name for parameter in manifest.parameters):
-        raise InputError(f"expected a kernel with the parameter {_REFERENCE_SPEED!r}, it has none")
-    query = {field.name: field for field in manifest.query}
-    path_nodes = query["path_x"].count if "path_x" in query else 2
-    people = query["people"].count // PERSON_NUMBERS if "people" in query else 1
-    wanted = query_counts(
-        states=len(STATES),
-        parameters=len(manifest.parameters),
-        path_nodes=path_nodes,
-        people=people,
-    )
-    _check_fields("query", wanted, manifest.query)
-    answered = result_counts(states=len(STATES), steps=manifest.steps)
-    _check_fields("result", answered, manifest.result)
-    unknown = [f.name for f in manifest.query if f.default is None and f.name not in wanted]
-    if unknown:
-        raise InputError(f"the kernel's query needs {unknown}, which a monitor does not know")
-
-
-def _check_fields(buffer: str, wanted: Mapping[str, int], fields: Sequence[Field]) -> None:
-    found = {field.name: field.count for field in fields}
-    wrong = {name: count for name, count in wanted.items() if found.get(name) != count}
-    instead = {name: found.get(name, 0) for name in wrong}
-    if wrong:
-        raise InputError(
-            f"the kernel's {buffer} does not fit a monitor: expected {wrong} (numbers per field), "
-            f"got {instead}; rebuild with `workbench build`"
-        )
+def _kind(error: Exception) -> str:
+    return type(error).__name__

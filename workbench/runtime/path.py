@@ -9,7 +9,7 @@ from typing import final
 
 from workbench.errors import InputError
 from workbench.runtime.arc import Interval, displacement
-from workbench.runtime.projection import NoProjection, PathPose, project
+from workbench.runtime.projection import NoProjection, PathPose, project, project_part
 
 __all__ = ["NoProjection", "PathPose", "PathTable"]
 
@@ -132,3 +132,16 @@ class PathTable:
         not proved, or when the box is too large.
         """
         return project(self, x, y, heading, near_station_m=near_station_m)
+
+    def project_part(
+        self, whole: PathPose, x: Interval, y: Interval, heading: Interval
+    ) -> PathPose | NoProjection:
+        """Path coordinates of every pose in x * y * heading, a part of the box that `whole` is of.
+
+        One foot and a mean value form in place of `project`'s corners and edges. Along any straight
+        line in the whole box, s' = (t . d) / (1 - kappa e) and e' = n . d, with d its direction; so
+        |s - s_c| <= (|cos theta| dx + |sin theta| dy) / (1 - kappa e) and |e - e_c| <= |sin theta|
+        dx + |cos theta| dy around the middle c, with theta, kappa and e ranging over `whole`. Rigor
+        and refusals are `project`'s; what lies outside of `whole` can be cut off.
+        """
+        return project_part(self, whole, x, y, heading)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import enum
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+import operator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
 from workbench.errors import InputError
-from workbench.runtime.observation import Person
 
 MOST_PEOPLE = 32
 MOST_TUBES = 4
@@ -35,6 +35,38 @@ PIECE_LIMITS = {
     "growth2_mps2": (0.0, 1e4),
 }
 """Least and largest value of every number of a piece: no later product can overflow."""
+_LEAST, _MOST = zip(*PIECE_LIMITS.values(), strict=True)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Person:
+    """A disc that contains a person from now on.
+
+    At time tau (s) after the observation: centre (x_m + vx_mps tau, y_m + vy_mps tau), radius
+    radius_m + growth_mps tau + growth_mps2 tau^2 / 2.
+    """
+
+    name: str
+    x_m: float
+    y_m: float
+    vx_mps: float
+    vy_mps: float
+    radius_m: float
+    growth_mps: float
+    growth_mps2: float
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Centre, velocity, radius and its growth, in the order of a piece's numbers."""
+        place = (self.x_m, self.y_m, self.vx_mps, self.vy_mps)
+        return (*place, self.radius_m, self.growth_mps, self.growth_mps2)
+
+    @property
+    def intent(self) -> PersonTube:
+        """The disc as an INTENT tube of one piece, from time 0 without an end."""
+        piece = DiscPiece(0.0, *self.numbers)
+        return PersonTube(TubeKind.INTENT, ((piece,),), FOREVER_S)
 
 
 class TubeKind(enum.StrEnum):
@@ -95,11 +127,6 @@ class PersonTube:
     bounds: tuple[tuple[DiscPiece, ...], ...]
     until_s: float
 
-    @property
-    def pieces(self) -> Iterator[tuple[int, DiscPiece]]:
-        """Every piece with the number of its bound."""
-        return ((i, piece) for i, bound in enumerate(self.bounds) for piece in bound)
-
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -111,9 +138,8 @@ class TrackedPerson:
 
 
 def tracked(person: Person) -> TrackedPerson:
-    """The person as one INTENT tube of one piece, from time 0 without an end."""
-    piece = DiscPiece(0.0, *person.numbers)
-    return TrackedPerson(person.name, (PersonTube(TubeKind.INTENT, ((piece,),), FOREVER_S),))
+    """The person with one INTENT tube."""
+    return TrackedPerson(person.name, (person.intent,))
 
 
 def timed_discs(
@@ -180,8 +206,10 @@ def packed(people: Sequence[TrackedPerson]) -> PackedPeople:
     for index, person in enumerate(people):
         for tube in person.tubes:
             first = len(pieces) // PIECE_NUMBERS
-            for bound, piece in tube.pieces:
-                pieces += (float(bound), *piece.numbers)
+            for place, bound in enumerate(tube.bounds):
+                for piece in bound:
+                    pieces.append(place)
+                    pieces += piece.numbers
             count = len(pieces) // PIECE_NUMBERS - first
             tubes += (index, KIND_NUMBERS.index(tube.kind), tube.until_s, first, count)
     return PackedPeople(len(people), tuple(map(float, tubes)), tuple(map(float, pieces)))
@@ -227,13 +255,13 @@ def _fault_in_tube(tube: PersonTube) -> str | None:
         return f"expected at most {MOST_PIECES} pieces, got {count}"
     if not abs(tube.until_s) <= FOREVER_S:
         return f"expected until_s within +-{FOREVER_S:g}, got {tube.until_s!r}"
-    for _, piece in tube.pieces:
-        fault = _fault_in_piece(piece)
-        if fault is not None:
-            return fault
     for bound in tube.bounds:
-        starts = [*(piece.from_s for piece in bound), tube.until_s]
-        if any(not a < b for a, b in itertools.pairwise(starts)):
+        for piece in bound:
+            fault = _fault_in_piece(piece)
+            if fault is not None:
+                return fault
+        starts = [*[piece.from_s for piece in bound], tube.until_s]
+        if not all(map(operator.lt, starts, starts[1:])):
             return (
                 f"expected pieces that start one after the other and before until_s, got {starts}"
             )
@@ -241,8 +269,14 @@ def _fault_in_tube(tube: PersonTube) -> str | None:
 
 
 def _fault_in_piece(piece: DiscPiece) -> str | None:
-    # A NaN fails the comparison, so it ends here too.
-    for value, (name, (least, most)) in zip(piece.numbers, PIECE_LIMITS.items(), strict=True):
-        if not least <= value <= most:
-            return f"expected {name} from {least:g} to {most:g}, got {value!r}"
-    return None
+    numbers = piece.numbers
+    # A NaN fails the comparison, so it is named below.
+    if all(map(operator.le, _LEAST, numbers)) and all(map(operator.le, numbers, _MOST)):
+        return None
+    name, value = next(
+        (name, value)
+        for value, (name, (least, most)) in zip(numbers, PIECE_LIMITS.items(), strict=True)
+        if not least <= value <= most
+    )
+    least, most = PIECE_LIMITS[name]
+    return f"expected {name} from {least:g} to {most:g}, got {value!r}"

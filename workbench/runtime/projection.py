@@ -76,6 +76,16 @@ def project(
         return NoProjection(str(refused))
 
 
+def project_part(
+    path: PathTable, whole: PathPose, x: Interval, y: Interval, heading: Interval
+) -> PathPose | NoProjection:
+    """See `PathTable.project_part`."""
+    try:
+        return _part(path, whole, x, y, heading)
+    except RefusedError as refused:
+        return NoProjection(str(refused))
+
+
 def _pose(
     path: PathTable, x: Interval, y: Interval, heading: Interval, near_station_m: float | None
 ) -> PathPose:
@@ -92,6 +102,36 @@ def _pose(
     station = hull(*(edge.station for edge in edges))
     offset = hull(*(edge.offset for edge in edges))
     stretch = require_one_to_one(path, station, offset)
+    return _widened(path, _Foot(station, offset), stretch, (x, y, heading))
+
+
+def _part(
+    path: PathTable, whole: PathPose, x: Interval, y: Interval, heading: Interval
+) -> PathPose:
+    station = 0.5 * (whole.station[0] + whole.station[1])
+    node = round((station - path.start_m) / path.spacing_m)
+    middle = 0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1])
+    foot = _foot(path, *middle, min(max(node, 0), len(path.x) - 1))
+    if not (_inside(foot.station, whole.station) and _inside(foot.offset, whole.offset)):
+        raise RefusedError("the middle of a part of the box lies outside of the whole")
+    stretch = stretch_range(path, whole.station, whole.offset)
+    tangent = heading_range(path, whole.station)
+    turned = [max(map(abs, both)) for both in (cosine(tangent), sine(tangent))]
+    half = [max(b - c, c - a) for (a, b), c in zip((x, y), middle, strict=True)]
+    ahead = (half[0] * turned[0] + half[1] * turned[1]) / stretch[0]
+    aside = half[0] * turned[1] + half[1] * turned[0]
+    around = _Foot(
+        (foot.station[0] - ahead, foot.station[1] + ahead),
+        (foot.offset[0] - aside, foot.offset[1] + aside),
+    )
+    return _widened(path, around, stretch, (x, y, heading))
+
+
+def _widened(
+    path: PathTable, found: _Foot, stretch: Interval, box: tuple[Interval, Interval, Interval]
+) -> PathPose:
+    """The pose with the allowance for rounding, and the heading against the path's there."""
+    (x, y, heading), station, offset = box, found.station, found.offset
     reach = max(abs(offset[0]), abs(offset[1]))
     slack = _ALLOWANCE * (1.0 + reach) / stretch[0]
     slack += 64.0 * _ROUNDING * max(map(abs, (*x, *y, *station)))
@@ -121,7 +161,7 @@ def _nearest_node(
         hint = (near_station_m - path.start_m) / path.spacing_m
         reach = _SEARCH_M / path.spacing_m + 1.0
         low, high = max(0, math.floor(hint - reach)), min(last, math.ceil(hint + reach))
-        local = min(filter(faces, range(low, high + 1)), key=distance, default=None)
+        local = next(filter(faces, sorted(range(low, high + 1), key=distance)), None)
         # A minimum on the rim of the search is no minimum of the path, unless the path ends there.
         if local is not None and (low < local or low == 0) and (local < high or high == last):
             return local

@@ -1,33 +1,32 @@
-"""A generated scene: a car follows a bend, one person walks beside it, another crosses its path."""
+"""A generated scene: a car on a bend, one person walks along it, one crosses, one stands by."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-import random
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
 from workbench.errors import InputError
 from workbench.models.spline_path import SplinePath
 from workbench.models.vehicle import Vehicle
-from workbench.runtime import Action, Observation, PathTable
-from workbench.simulation.driving import CarState, Driver
+from workbench.runtime import Action, MotionLimits, PathTable
+from workbench.simulation.driving import Driver
 from workbench.simulation.frames import Point
-from workbench.simulation.measures import Drawing, Judge, Measures, Moment, Progress
-from workbench.simulation.people import Body, PeopleModel, seen_people
-from workbench.simulation.recorded_path import corners
+from workbench.simulation.people import PeopleModel
 from workbench.simulation.recording import PersonSample, Track
-from workbench.simulation.runlog import Entry
 
 PERIOD_S = 0.1
+_WALK_OFF_MPS2 = 1.0
+# A car that takes longer meets nobody, the scene is over before.
+_LONGEST_WAY_S = 60.0
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Walker:
-    """A person who stands at (x_m, y_m) until start_s and then walks at (vx_mps, vy_mps)."""
+    """A person who stands at (x_m, y_m) until start_s and then comes to walk at (vx_mps, vy_mps),
+    accelerating by acceleration_mps2: nobody walks off at once."""
 
     name: str
     kind: str
@@ -36,6 +35,7 @@ class Walker:
     vx_mps: float
     vy_mps: float
     start_s: float
+    acceleration_mps2: float
 
     def track(self, duration_s: float) -> Track:
         """The person's samples, one per decision; they have been in view for 0.5 s at time 0."""
@@ -43,7 +43,12 @@ class Walker:
         return Track(self.name, self.kind, tuple(self._sample(t_s) for t_s in times))
 
     def _sample(self, t_s: float) -> PersonSample:
-        walked_s = max(0.0, t_s - self.start_s)
+        rise_s = math.hypot(self.vx_mps, self.vy_mps) / self.acceleration_mps2
+        gone_s = max(0.0, t_s - self.start_s)
+        # The time at full speed that leads as far.
+        walked_s = gone_s - 0.5 * rise_s
+        if gone_s < rise_s:
+            walked_s = 0.5 * gone_s * gone_s / rise_s
         return PersonSample(
             t_s, self.x_m + self.vx_mps * walked_s, self.y_m + self.vy_mps * walked_s
         )
@@ -76,8 +81,11 @@ class Localisation:
 class Crossing:
     """What happens, apart from the monitor.
 
-    waypoints: (x, y) of the path, m; walkers; duration_s; seed: of the localisation error, None for
-    none; models: how the monitor's side predicts people. The same values give the same run.
+    waypoints: (x, y) of the path, m; walkers; start_speed_mps: of the car, on its path, 0 at
+    standstill under BRAKE; duration_s; seed: of the localisation error, of how long checks take and
+    how hard the brake is, None for none, the middle and the middle; models: how the monitor's side
+    predicts people; watched_m: radius about the car within which everybody is reported. The same
+    values give the same run.
     """
 
     vehicle: Vehicle
@@ -85,6 +93,8 @@ class Crossing:
     walkers: tuple[Walker, ...]
     localisation: Localisation
     models: PeopleModel
+    watched_m: float
+    start_speed_mps: float
     duration_s: float
     seed: int | None
 
@@ -93,33 +103,41 @@ class Crossing:
             raise InputError(f"duration_s: expected at least {PERIOD_S} s, got {self.duration_s!r}")
 
     @classmethod
-    def standard(cls, vehicle: Vehicle, *, seed: int | None) -> Crossing:
-        """An S of 60 m by 6 m; a person walks along 3 m to its right and is overtaken, another
-        crosses from the left and would be on the path just when an undisturbed car gets there.
+    def standard(cls, vehicle: Vehicle, *, start_speed_mps: float, seed: int | None) -> Crossing:
+        """An S of 60 m by 6 m. A person walks along 6 m to its right and is overtaken, another
+        crosses from the left and would be on the path just when an undisturbed car gets there, a
+        third stands 4.5 m to the right.
+
+        From 6 m nobody stops `FailSafe` at 2.8 m/s, as studies/alongside.py shows; from 4.5 m they
+        do, standing or walking, but not `LookAhead`, which expects them to go on as they do.
         """
         waypoints = tuple(
             (float(x), 3.0 * (1.0 - math.cos(math.pi * x / 60.0))) for x in range(0, 61, 4)
         )
         path = SplinePath.through(waypoints)
-        speed_mps, walk_mps, lead_m = vehicle.operation.reference_speed_mps, 1.3, 11.0
-        meeting_m, overtaken_m = 24.0, 14.0
-        start_s = max(0.0, meeting_m / speed_mps - lead_m / walk_mps)
+        walk_mps, lead_m, meeting_m, overtaken_m = 1.3, 11.0, 30.0, 14.0
+        met_s, overtaken_s = _arrivals(vehicle, path, start_speed_mps, (meeting_m, overtaken_m))
+        # They are half a rise late: 0.5 walk_mps / _WALK_OFF_MPS2.
+        start_s = max(0.0, met_s - lead_m / walk_mps - 0.5 * walk_mps / _WALK_OFF_MPS2)
         crossing = _walker("crossing", path, (meeting_m, lead_m), (0.0, -walk_mps), start_s)
-        alongside = _walker("alongside", path, (overtaken_m, -3.0), (walk_mps, 0.0), 0.0)
+        alongside = _walker("alongside", path, (overtaken_m, -6.0), (walk_mps, 0.0), -10.0)
+        away_s = overtaken_s + 10.0 - 0.5 * walk_mps / _WALK_OFF_MPS2
+        waiting = _walker("waiting", path, (48.0, -4.5), (0.0, 0.0), 0.0)
         alongside = dataclasses.replace(
             alongside,
-            x_m=alongside.x_m - alongside.vx_mps * overtaken_m / speed_mps,
-            y_m=alongside.y_m - alongside.vy_mps * overtaken_m / speed_mps,
+            x_m=alongside.x_m - alongside.vx_mps * away_s,
+            y_m=alongside.y_m - alongside.vy_mps * away_s,
         )
         return cls(
-            vehicle,
-            waypoints,
-            (alongside, crossing),
-            Localisation.assumed(),
-            PeopleModel.assumed(),
-            22.0,
-            seed,
-        )
+            vehicle, waypoints, (alongside, crossing, waiting), Localisation.assumed(),
+            PeopleModel.assumed(), 80.0, start_speed_mps, 30.0, seed,
+        )  # fmt: skip
+
+    @property
+    def limits(self) -> MotionLimits:
+        """What no person exceeds, from the vehicle file."""
+        guard = self.vehicle.guard
+        return MotionLimits(guard.speed_max_mps, guard.accel_max_mps2)
 
     @property
     def path(self) -> SplinePath:
@@ -129,59 +147,6 @@ class Crossing:
     def path_table(self) -> PathTable:
         """The path as the monitor must be given it, with straight ends."""
         return self.path.table(0.25, before_m=10.0, after_m=40.0)
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class CrossingResult:
-    """What happened, closed-loop: the car obeyed.
-
-    entries: one per decision; slowest_mps: lowest speed; braked_s: first BRAKE, None without one;
-    resumed_s: TRACK after the last BRAKE, None without one.
-    """
-
-    entries: tuple[Entry, ...]
-    measures: Measures
-    slowest_mps: float
-    braked_s: float | None
-    resumed_s: float | None
-
-    def summary_line(self) -> str:
-        """The run in one line."""
-        story = "did not brake"
-        if self.braked_s is not None:
-            end = "to the end" if self.resumed_s is None else f"to {self.resumed_s:.1f} s"
-            story = f"braked from {self.braked_s:.1f} s {end}, slowest {self.slowest_mps:.2f} m/s"
-        return f"crossing: {self.measures.summary()}, closed-loop: the car {story}"
-
-
-def simulate(
-    crossing: Crossing, monitor: Judge, *, progress: Progress | None = None
-) -> CrossingResult:
-    """Drive the scene: a decision every 0.1 s, obeyed until the next one.
-
-    The plant is the vehicle's own closed loop, RK4 at 0.01 s: TRACK, or the vehicle's BRAKE at its
-    nominal deceleration. The monitor must have been built for `crossing.path_table()` and
-    `crossing.vehicle`. `progress(done, total)` is called after each decision.
-    """
-    driver = Driver(crossing.vehicle, crossing.path)
-    people = tuple(walker.track(crossing.duration_s) for walker in crossing.walkers)
-    chance = None if crossing.seed is None else random.Random(crossing.seed)
-    drawing = Drawing(3.0, 0.5, corners(crossing.path_table()))
-    state = driver.start(crossing.vehicle.operation.reference_speed_mps)
-    count = round(crossing.duration_s / PERIOD_S)
-    entries = []
-    for k in range(count):
-        t_s = k * PERIOD_S
-        observation = _observation(crossing, state, (t_s, people), chance)
-        decision = monitor.step(observation)
-        body = _body(crossing.vehicle, state)
-        moment = Moment(t_s, body, state.speed_mps, people, crossing.models)
-        entries.append(moment.entry(observation, decision, drawing))
-        state = driver.drive(state, decision.action, PERIOD_S)
-        if progress is not None:
-            progress(k + 1, count)
-    return _result(tuple(entries))
 
 
 def _walker(name: str, path: SplinePath, place: Point, velocity: Point, start_s: float) -> Walker:
@@ -197,50 +162,21 @@ def _walker(name: str, path: SplinePath, place: Point, velocity: Point, start_s:
         velocity[0] * cos - velocity[1] * sin,
         velocity[0] * sin + velocity[1] * cos,
         start_s,
+        _WALK_OFF_MPS2,
     )
 
 
-def _observation(
-    crossing: Crossing,
-    state: CarState,
-    seen: tuple[float, Sequence[Track]],
-    chance: random.Random | None,
-) -> Observation:
-    error = crossing.localisation
-
-    def around(value: float, radius: float) -> tuple[float, float]:
-        centre = value if chance is None else value + chance.uniform(-radius, radius)
-        return centre - radius, centre + radius
-
-    low, high = around(state.speed_mps, error.speed_mps)
-    return Observation(
-        x=around(state.x_m, error.position_m),
-        y=around(state.y_m, error.position_m),
-        heading=around(state.heading, error.heading_rad),
-        steering=around(state.steering, error.steering_rad),
-        speed=(max(low, 0.0), max(high, 0.0)),
-        speed_integral=(state.speed_integral_m, state.speed_integral_m),
-        offset_integral=(state.offset_integral_ms, state.offset_integral_ms),
-        reference_speed_mps=crossing.vehicle.operation.reference_speed_mps,
-        people=seen_people(seen[1], seen[0], crossing.models),
-    )
-
-
-def _body(vehicle: Vehicle, state: CarState) -> Body:
-    shape = vehicle.geometry
-    return Body(
-        state.x_m, state.y_m, state.heading, shape.front_m, shape.rear_m, shape.half_width_m
-    )
-
-
-def _result(entries: tuple[Entry, ...]) -> CrossingResult:
-    frames = [entry.frame for entry in entries]
-    braking = [frame.t_s for frame in frames if frame.action == Action.BRAKE.name]
-    after = [frame.t_s for frame in frames if braking and frame.t_s > braking[-1]]
-    return CrossingResult(
-        entries,
-        Measures.of(entries),
-        min(frame.speed_mps for frame in frames),
-        braking[0] if braking else None,
-        after[0] if after else None,
-    )
+def _arrivals(
+    vehicle: Vehicle, path: SplinePath, start_speed_mps: float, stations_m: tuple[float, float]
+) -> tuple[float, float]:
+    """When the car gets to either station, undisturbed; a time after the scene if it does not."""
+    driver = Driver(vehicle, path)
+    state, found = driver.start(start_speed_mps), dict.fromkeys(stations_m, _LONGEST_WAY_S)
+    for k in range(round(_LONGEST_WAY_S / PERIOD_S)):
+        for station_m in stations_m:
+            if found[station_m] == _LONGEST_WAY_S and state.values[0] >= station_m:
+                found[station_m] = k * PERIOD_S
+        if max(found.values()) < _LONGEST_WAY_S:
+            break
+        state = driver.drive(state, Action.TRACK, PERIOD_S)
+    return found[stations_m[0]], found[stations_m[1]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import final
 
@@ -10,13 +11,15 @@ import casadi as ca
 import numpy as np
 
 from workbench.controllers import Mode
+from workbench.errors import InputError
 from workbench.models.bicycle import PathFrame
 from workbench.models.spline_path import Array, SplinePath
 from workbench.models.system import Ode
 from workbench.models.vehicle import Vehicle
 from workbench.runtime import Action
 
-_STEP_S = 0.01
+_LONGEST_STEP_S = 0.01
+_WHOLE = 1e-9
 _GRID_M = 0.02
 _PLANT_STATES = (
     "station",
@@ -70,32 +73,44 @@ class Driver:
     """Moves a `CarState` along `path` in TRACK or in the vehicle's BRAKE.
 
     Curvature is the path's own at the current station, disturbances are nominal. Beyond the path's
-    ends it goes on straight.
+    ends it goes on straight. deceleration_mps2: of BRAKE once it has built up; None: the middle of
+    the vehicle's interval. Raises InputError for one outside of it.
     """
 
-    def __init__(self, vehicle: Vehicle, path: SplinePath) -> None:
+    def __init__(
+        self, vehicle: Vehicle, path: SplinePath, *, deceleration_mps2: float | None = None
+    ) -> None:
         self._path = path
         self._grid = np.linspace(0.0, path.length_m, max(2, math.ceil(path.length_m / _GRID_M)))
         self._curvature = path.curvature(self._grid)
         frame = PathFrame(float(self._curvature.min()), float(self._curvature.max()))
+        if deceleration_mps2 is not None:
+            _require_within(vehicle, deceleration_mps2)
         modes: dict[Action, Mode] = {
             Action.TRACK: vehicle.track(),
             Action.BRAKE: vehicle.brake.mode(),
         }
+        felt = {} if deceleration_mps2 is None else {"brake_deceleration": deceleration_mps2}
         self._plants = {
-            action: _Plant(vehicle.closed_loop(mode, frame).ode) for action, mode in modes.items()
+            action: _Plant(vehicle.closed_loop(mode, frame).ode, felt)
+            for action, mode in modes.items()
         }
 
     def start(self, speed_mps: float) -> CarState:
-        """On the path's begin, straight wheels, integrals zero."""
-        return self._state((0.0, 0.0, 0.0, speed_mps, 0.0, 0.0, 0.0), Action.TRACK)
+        """On the path's begin, straight wheels, integrals zero; at standstill under BRAKE."""
+        values = (0.0, 0.0, 0.0, speed_mps, 0.0, 0.0, 0.0)
+        if speed_mps > 0.0:
+            return self._state(values, Action.TRACK)
+        rest = (0.0,) * (self._plants[Action.BRAKE].size - len(values))
+        return self._state(values + rest, Action.BRAKE)
 
     def drive(self, state: CarState, action: Action, duration_s: float) -> CarState:
         """The car after obeying `action` for `duration_s`."""
         plant = self._plants[action]
         values = np.array(self._switched(state, action, plant.size))
-        for _ in range(round(duration_s / _STEP_S)):
-            values = self._rk4(plant, values)
+        count = math.ceil(duration_s / _LONGEST_STEP_S - _WHOLE)
+        for _ in range(count):
+            values = self._rk4(plant, values, duration_s / count)
         return self._state(tuple(float(value) for value in values), action)
 
     def _switched(self, state: CarState, action: Action, size: int) -> tuple[float, ...]:
@@ -105,15 +120,15 @@ class Driver:
         kept = (station, offset, steering, state.speed_mps, heading_error, 0.0, offset_integral)
         return kept + (0.0,) * (size - len(kept))
 
-    def _rk4(self, plant: _Plant, values: Array) -> Array:
+    def _rk4(self, plant: _Plant, values: Array, step_s: float) -> Array:
         first = plant.rate(values, self._curvature_at(values[0]))
-        middle = values + 0.5 * _STEP_S * first
+        middle = values + 0.5 * step_s * first
         second = plant.rate(middle, self._curvature_at(middle[0]))
-        middle = values + 0.5 * _STEP_S * second
+        middle = values + 0.5 * step_s * second
         third = plant.rate(middle, self._curvature_at(middle[0]))
-        end = values + _STEP_S * third
+        end = values + step_s * third
         fourth = plant.rate(end, self._curvature_at(end[0]))
-        return values + _STEP_S / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
+        return values + step_s / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
 
     def _curvature_at(self, station_m: float) -> float:
         return float(np.interp(station_m, self._grid, self._curvature, left=0.0, right=0.0))
@@ -132,17 +147,27 @@ class Driver:
         )
 
 
+def _require_within(vehicle: Vehicle, deceleration_mps2: float) -> None:
+    brake = vehicle.brake
+    if not brake.deceleration_min_mps2 <= deceleration_mps2 <= brake.deceleration_max_mps2:
+        raise InputError(
+            f"deceleration_mps2: expected {brake.deceleration_min_mps2:g} to "
+            f"{brake.deceleration_max_mps2:g}, what the vehicle's brake does, got "
+            f"{deceleration_mps2!r}"
+        )
+
+
 @final
 class _Plant:
-    """One mode's field with nominal parameters and disturbances, curvature apart."""
+    """One mode's field with nominal parameters; `felt` replaces nominal disturbances by name."""
 
-    def __init__(self, ode: Ode) -> None:
+    def __init__(self, ode: Ode, felt: Mapping[str, float]) -> None:
         if ode.names[: len(_PLANT_STATES)] != _PLANT_STATES:
             raise ValueError(f"expected the states {_PLANT_STATES} first, got {ode.names}")
         self.size = len(ode.names)
         self._field = ode.function()
         self._parameters = ode.parameter_values()
-        self._disturbances = [signal.nominal for signal in ode.disturbances]
+        self._disturbances = [felt.get(signal.name, signal.nominal) for signal in ode.disturbances]
         self._curvature = [signal.name for signal in ode.disturbances].index("curvature")
 
     def rate(self, values: Array, curvature_per_m: float) -> Array:

@@ -34,10 +34,11 @@ def _require_drawable(what: str, values: Sequence[float]) -> None:
 @final
 @dataclass(frozen=True, slots=True)
 class PersonFrame:
-    """A person at one decision and the discs predicted for them.
+    """A person at one decision, the discs predicted for them, and those of their guard.
 
     name: label; x_m, y_m: position, m; radius_m: radius of the disc now, m;
-    predicted: discs (x, y, radius) in m, in time order, from now to the horizon.
+    predicted, guarded: discs (x, y, radius) in m, in time order: from now to the horizon, and as
+    far as the car needs to stop.
     """
 
     name: str
@@ -45,9 +46,30 @@ class PersonFrame:
     y_m: float
     radius_m: float
     predicted: tuple[Disc, ...] = ()
+    guarded: tuple[Disc, ...] = ()
 
     def __post_init__(self) -> None:
         _require_drawable(f"person {self.name!r}", (self.x_m, self.y_m, self.radius_m))
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class PolicyAnswer:
+    """What one policy said, deciding or not: action is "TRACK" or "BRAKE", reason: words."""
+
+    policy: str
+    verdict: Verdict
+    action: str
+    reason: str
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class LevelVerdicts:
+    """Of one tube ("track", "stop", "brake"): a verdict per nested set, the largest first."""
+
+    tube: str
+    verdicts: tuple[Verdict, ...]
 
 
 @final
@@ -61,6 +83,9 @@ class Frame:
     clearance_m: smallest proved clearance, m; None where nobody is there or nothing is proved.
     occupancy: rectangles (centre x, centre y, heading, half length, half width), one per segment of
     the tube in time order; people: those in view; path: points (x, y) of the followed path, m.
+    stop_occupancy: as occupancy, of TRACK and then BRAKE to standstill. sent: what the sender sends
+    at t_s, "" where nothing was. policies, levels: what each policy and each nested set said;
+    violations: hypotheses that failed, in words; alert: the warning to a person, None without one.
     Raises InputError where a number cannot be placed in the plane; occupancy and predictions may
     hold such numbers, as failed proofs do, and are then left out of pictures.
     """
@@ -80,10 +105,19 @@ class Frame:
     occupancy: tuple[Rectangle, ...] = ()
     people: tuple[PersonFrame, ...] = ()
     path: tuple[Point, ...] = ()
+    stop_occupancy: tuple[Rectangle, ...] = ()
+    sent: str = ""
+    policies: tuple[PolicyAnswer, ...] = ()
+    levels: tuple[LevelVerdicts, ...] = ()
+    violations: tuple[str, ...] = ()
+    alert: str | None = None
 
     def __post_init__(self) -> None:
-        pose = (self.t_s, self.x_m, self.y_m, self.heading, self.speed_mps)
-        _require_drawable("time, pose and speed of a frame", pose)
+        # A recording's clock may count from anywhere, so its instants may be large.
+        if not math.isfinite(self.t_s):
+            raise InputError(f"expected finite numbers for the time of a frame, got {self.t_s!r}")
+        pose = (self.x_m, self.y_m, self.heading, self.speed_mps)
+        _require_drawable("pose and speed of a frame", pose)
         _require_drawable("the car's body", (self.front_m, self.rear_m, self.half_width_m))
         if self.clearance_m is not None and not drawable((self.clearance_m,)):
             raise InputError(

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol, final
 
 from workbench.claims import Verdict
 from workbench.runtime import Action, Decision, Observation
-from workbench.simulation.frames import Frame, Point
-from workbench.simulation.people import Body, PeopleModel, as_frame
+from workbench.runtime.policies import Alert, Outcome, Turn
+from workbench.simulation.drawn_people import as_frame
+from workbench.simulation.frames import Frame, LevelVerdicts, Point, PolicyAnswer
+from workbench.simulation.people import Body, PeopleModel
 from workbench.simulation.recording import Track
 from workbench.simulation.runlog import Entry
 
@@ -22,10 +24,13 @@ _SAME_SAMPLE_S = 0.06
 
 
 class Judge(Protocol):
-    """What decides: a `Monitor`, or anything with its `step`."""
+    """What decides: a `Monitor`, or anything with its `step` and its `turn`."""
 
     def step(self, observation: Observation) -> Decision:
         """Judge one observation."""
+
+    def turn(self, now_s: float) -> Turn:
+        """What to send at now_s."""
 
 
 @final
@@ -43,13 +48,18 @@ class Closest:
 class Measures:
     """Counts of each verdict, share of BRAKE, smallest separation that was and that was proved.
 
-    smallest_clearance_m: smallest proved clearance of a SAFE decision, None without one; closest:
-    None when nobody was seen; decision_median_s, decision_p99_s: time per decision.
+    safe_shares: share of SAFE of each policy, deciding or not; violations: decisions that named
+    each hypothesis; alerts: decisions that warned somebody. smallest_clearance_m: smallest proved
+    clearance of a SAFE decision, None without one; closest: None when nobody was seen;
+    decision_median_s, decision_p99_s: time per decision.
     """
 
     queries: int
     verdicts: tuple[tuple[Verdict, int], ...]
     braked_share: float
+    safe_shares: tuple[tuple[str, float], ...]
+    violations: tuple[tuple[str, int], ...]
+    alerts: int
     people_seen: int
     closest: Closest | None
     smallest_clearance_m: float | None
@@ -76,6 +86,9 @@ class Measures:
             queries=len(entries),
             verdicts=tuple((verdict, counts[verdict]) for verdict in Verdict),
             braked_share=sum(frame.action == Action.BRAKE.name for frame in frames) / len(frames),
+            safe_shares=_safe_shares(frames),
+            violations=tuple(sorted(Counter(_hypotheses(frames)).items())),
+            alerts=sum(frame.alert is not None for frame in frames),
             people_seen=len({person.name for frame in frames for person in frame.people}),
             closest=min(separations, key=lambda c: c.separation_m, default=None),
             smallest_clearance_m=min(proved, default=None),
@@ -92,8 +105,11 @@ class Measures:
                 f"({self.closest.person} at {self.closest.t_s:.1f} s)"
             )
         counts = ", ".join(f"{count} {verdict.value}" for verdict, count in self.verdicts)
+        policies = "".join(f", {name} SAFE {share:.0%}" for name, share in self.safe_shares)
+        named = "".join(f", {count} {name}" for name, count in self.violations)
         return (
-            f"{self.queries} queries ({counts}), braked {100.0 * self.braked_share:.1f} %, "
+            f"{self.queries} queries ({counts}), braked {100.0 * self.braked_share:.1f} %"
+            f"{policies}, violations {named[2:] or 'none'}, alerts {self.alerts}, "
             f"{nearest}, time per decision median {1e3 * self.decision_median_s:.2f} ms, "
             f"p99 {1e3 * self.decision_p99_s:.2f} ms"
         )
@@ -112,9 +128,11 @@ class Drawing:
 @final
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What was true when a decision was asked for; `people` with all their samples."""
+    """What was true when a decision was asked for; turns: of the sender since the decision before,
+    the last one at t_s; `people` with all their samples."""
 
     t_s: float
+    turns: Sequence[Turn]
     body: Body
     speed_mps: float
     people: Sequence[Track]
@@ -123,6 +141,7 @@ class Moment:
     def entry(self, observation: Observation, decision: Decision, drawing: Drawing) -> Entry:
         """The decision on record."""
         body = self.body
+        turned = [turn.violation for turn in self.turns if turn.violation is not None]
         frame = Frame(
             t_s=self.t_s,
             x_m=body.x_m,
@@ -142,9 +161,40 @@ class Moment:
                 for person in observation.people
             ),
             path=drawing.route,
+            stop_occupancy=tuple((x, y, h, a, b) for x, y, h, a, b in decision.stop_occupancy),
+            sent=self.turns[-1].action.name,
+            policies=tuple(map(_answer, (decision.look_ahead, decision.fail_safe))),
+            levels=tuple(
+                LevelVerdicts(tube, verdicts) for tube, verdicts in decision.level_verdicts.items()
+            ),
+            violations=tuple(dict.fromkeys(map(str, (*turned, *decision.violations)))),
+            alert=None if decision.alert is None else _warning(decision.alert),
         )
         closest = nearest_person(self.people, body, self.t_s, self.models)
-        return Entry.of(frame, decision, closest, observation.reference_speed_mps)
+        return Entry.of(frame, decision, closest, observation)
+
+
+def _answer(outcome: Outcome) -> PolicyAnswer:
+    return PolicyAnswer(outcome.policy, outcome.verdict, outcome.action.name, outcome.reason)
+
+
+def _warning(alert: Alert) -> str:
+    return f"{alert.person or 'everybody'}: {alert.reason}"
+
+
+def _safe_shares(frames: Sequence[Frame]) -> tuple[tuple[str, float], ...]:
+    said = [answer for frame in frames for answer in frame.policies]
+    asked, safe = (
+        Counter(answer.policy for answer in said if answer.verdict in wanted)
+        for wanted in (tuple(Verdict), (Verdict.SAFE,))
+    )
+    return tuple((policy, safe[policy] / count) for policy, count in asked.items())
+
+
+def _hypotheses(frames: Sequence[Frame]) -> Iterator[str]:
+    """The name of every hypothesis that a frame names, once per frame."""
+    for frame in frames:
+        yield from dict.fromkeys(text.partition(":")[0] for text in frame.violations)
 
 
 def nearest_person(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import final
 
 from workbench.errors import InputError
-from workbench.runtime import Observation, Person
+from workbench.runtime import Observation, ObservedPerson, Watched
 from workbench.simulation.recording import VehicleSample
 
 Interval = tuple[float, float]
@@ -61,20 +61,32 @@ class Observer:
     tan(steering) = L yaw_rate / v over the intervals of yaw rate and speed, L = wheelbase_m. Too
     slow for that, the last interval grows by the steering rate limit; before any, it is the whole
     range.
-    `reference_ahead_m`: distance of the recorded point ahead of the rear axle.
+    `reference_ahead_m`: distance of the recorded point ahead of the rear axle; `watched_m`: radius
+    about the rear axle within which everybody is taken to be seen.
     """
 
     def __init__(
-        self, errors: StateErrors, *, wheelbase_m: float, reference_ahead_m: float
+        self,
+        errors: StateErrors,
+        *,
+        wheelbase_m: float,
+        reference_ahead_m: float,
+        watched_m: float,
     ) -> None:
         self._errors = errors
+        self._watched_m = watched_m
         self._wheelbase_m = wheelbase_m
         self._ahead_m = reference_ahead_m
         self._steering: Interval = (-errors.steering_limit_rad, errors.steering_limit_rad)
         self._past: list[VehicleSample] = []
 
-    def observe(self, sample: VehicleSample, people: Sequence[Person]) -> Observation:
-        """The observation at `sample`; call it for every sample, also those that are not judged."""
+    def observe(
+        self, sample: VehicleSample, people: Sequence[ObservedPerson], *, stamp_s: float
+    ) -> Observation:
+        """The observation at `sample`; call it for every sample, also those that are not judged.
+
+        stamp_s: the sample's instant on the monitor's clock.
+        """
         errors = self._errors
         x_m, y_m = rear_axle(sample, self._ahead_m)
         self._steering = self._next_steering(sample)
@@ -90,6 +102,8 @@ class Observer:
             offset_integral=_around(0.0, errors.offset_integral_ms),
             reference_speed_mps=max(sample.speed_mps, 0.0),
             people=tuple(people),
+            stamp_s=stamp_s,
+            watched=Watched(x_m, y_m, self._watched_m),
         )
 
     def _next_steering(self, sample: VehicleSample) -> Interval:

@@ -1,20 +1,24 @@
-"""People extrapolated at constant velocity with a growing radius, from the past only.
+"""People from the past of their tracks: where they mean to go, and where they can be at all.
 
-Stands in until intent is estimated. The prediction is an assumption, not a guarantee: a person who
-turns or starts to run leaves the disc.
+Intent: constant velocity with a growing radius, until intent is estimated. It is an assumption, not
+a guarantee: a person who turns or starts to run leaves the disc. Guard: position and velocity in
+discs, from which the limits of speed and acceleration give all that can be reached.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
-from workbench.runtime import Person
-from workbench.simulation.frames import Disc, PersonFrame
+from workbench.runtime import Disc, Guard, MotionLimits, ObservedPerson, Person
 from workbench.simulation.recording import PersonSample, Track
+
+# Of positions within 1e7 m and of their sums, generously.
+_ROUNDING_M = 1e-3
 
 
 @final
@@ -26,8 +30,9 @@ class PersonModel:
     vehicle's; jitter_m: its part that changes from sample to sample; speed_error_mps: error of a
     velocity that remains with any amount of history; unseen_speed_mps: speed bound for someone seen
     once; acceleration_mps2: change of velocity later on; window_s: history that the velocity is
-    fitted to; max_age_s: a person not seen for longer is dropped; provenance: where the figures
-    come from. Raises ValueError for a negative or non-finite figure, or an empty window.
+    fitted to; max_age_s: a person not seen for longer is only assumed to be there, gone_age_s: and
+    for longer than this is taken to have left; provenance: where the figures come from. Raises
+    ValueError for a negative or non-finite figure, an empty window, or gone_age_s < max_age_s.
     """
 
     body_radius_m: float
@@ -38,6 +43,7 @@ class PersonModel:
     acceleration_mps2: float
     window_s: float
     max_age_s: float
+    gone_age_s: float
     provenance: str
 
     def __post_init__(self) -> None:
@@ -47,16 +53,20 @@ class PersonModel:
                 raise ValueError(f"{name}: expected a finite number >= 0, got {value!r}")
         if self.window_s == 0.0:
             raise ValueError("window_s: expected more than 0 s of history, got 0.0")
+        if self.gone_age_s < self.max_age_s:
+            raise ValueError(
+                f"gone_age_s: expected at least max_age_s {self.max_age_s}, got {self.gone_age_s}"
+            )
 
     @classmethod
     def pedestrian(cls) -> PersonModel:
         """Assumed figures for a person on foot who keeps on walking; not fitted to data."""
-        return cls(0.3, 0.1, 0.02, 0.1, 2.5, 0.1, 0.5, 0.5, "assumed")
+        return cls(0.3, 0.1, 0.02, 0.1, 2.5, 0.1, 0.5, 0.5, 1.0, "assumed")
 
     @classmethod
     def cyclist(cls) -> PersonModel:
         """Assumed figures for a person on wheels, a bicycle long and faster; not fitted to data."""
-        return cls(0.9, 0.2, 0.03, 0.2, 7.0, 0.2, 0.5, 0.5, "assumed")
+        return cls(0.9, 0.2, 0.03, 0.2, 7.0, 0.2, 0.5, 0.5, 1.0, "assumed")
 
 
 @final
@@ -78,7 +88,7 @@ class PeopleModel:
 
 
 def extrapolate(track: Track, t_s: float, model: PersonModel) -> Person | None:
-    """The person at `t_s` from samples at times <= t_s; None when none is younger than max_age_s.
+    """The person at `t_s` from samples at times <= t_s; None when none is younger than gone_age_s.
 
     Velocity: least squares over the samples of the last window_s before the newest one. With d_i
     their times relative to their mean, position jitter moves that slope by at most
@@ -87,14 +97,11 @@ def extrapolate(track: Track, t_s: float, model: PersonModel) -> Person | None:
     tau after t_s: centre p + v tau, radius r + g tau + g2 tau^2 / 2. The time since the newest
     sample is spent by the same law.
     """
-    newest = bisect_right(track.samples, t_s, key=lambda sample: sample.t_s) - 1
-    if newest < 0:
+    history = _history(track, t_s, model)
+    if not history:
         return None
-    last = track.samples[newest]
+    last = history[-1]
     age = t_s - last.t_s
-    if age > model.max_age_s:
-        return None
-    history = [s for s in track.samples[: newest + 1] if s.t_s >= last.t_s - model.window_s]
     vx, vy, growth = _velocity(history, model)
     g2 = model.acceleration_mps2
     return Person(
@@ -109,45 +116,105 @@ def extrapolate(track: Track, t_s: float, model: PersonModel) -> Person | None:
     )
 
 
-def seen_people(tracks: Sequence[Track], t_s: float, models: PeopleModel) -> tuple[Person, ...]:
-    """Everyone whom `extrapolate` places at `t_s`."""
-    people = (extrapolate(track, t_s, models.of(track.kind)) for track in tracks)
-    return tuple(person for person in people if person is not None)
+def guard_at(track: Track, t_s: float, model: PersonModel, limits: MotionLimits) -> Guard | None:
+    """The guard of a person at `t_s` from samples at times <= t_s; None as in `extrapolate`.
+
+    Position, at the newest sample: the body's disc around it, widened by position_error_m.
+    Velocity: `extrapolate`'s w, which is the mean of the true velocity over the history with
+    weights >= 0 (for x' = v the slope is sum d_i x_i / sum d_i^2 = integral of g v, g >= 0 of
+    integral 1). The centroid of g is mean + sum d_i^3 / (2 sum d_i^2), so that a person within the
+    acceleration limit A has changed velocity since by at most A (t_newest - centroid); jitter and
+    speed_error_mps are added. A single sample gives the disc of all speeds. Both are then moved on
+    to t_s by the acceleration bound, t later: p + w t within r + q t + A t^2 / 2, w within q + A t.
+    The speed limit is not below unseen_speed_mps.
+    """
+    history = _history(track, t_s, model)
+    if not history:
+        return None
+    last = history[-1]
+    fastest = MotionLimits(max(limits.speed_mps, model.unseen_speed_mps), limits.acceleration_mps2)
+    position = Disc(last.x_m, last.y_m, model.body_radius_m + model.position_error_m)
+    velocity = Disc(0.0, 0.0, fastest.speed_mps)
+    if len(history) > 1:
+        vx, vy, mean, spread = _slope(history)
+        third = sum((s.t_s - mean) ** 3 for s in history)
+        lag = limits.acceleration_mps2 * (last.t_s - mean - third / (2.0 * spread))
+        radius = model.speed_error_mps + _jitter(history, model) + lag
+        velocity = Disc(vx, vy, radius)
+    return _moved(Guard(0.0, position, velocity, fastest), t_s - last.t_s)
+
+
+def _moved(guard: Guard, t: float) -> Guard:
+    """The guard t later, as one of that time; a millimetre more for rounding, unless t is 0."""
+    p, w, limits = guard.position, guard.velocity, guard.limits
+    if t == 0.0:
+        return guard
+    grown = p.radius + (w.radius + 0.5 * limits.acceleration_mps2 * t) * t + _ROUNDING_M
+    position = Disc(p.x + w.x * t, p.y + w.y * t, grown)
+    velocity = Disc(w.x, w.y, w.radius + limits.acceleration_mps2 * t + _ROUNDING_M)
+    return dataclasses.replace(guard, position=position, velocity=velocity)
+
+
+def seen_people(
+    tracks: Sequence[Track], t_s: float, models: PeopleModel, limits: MotionLimits
+) -> tuple[ObservedPerson, ...]:
+    """Everyone whom `extrapolate` places at `t_s`, with one intent tube and the guard.
+
+    Who has not been seen for max_age_s is handed on as assumed (`assumed_guard`): a track that ends
+    says nothing of where its person is.
+    """
+    people = []
+    for track in tracks:
+        model = models.of(track.kind)
+        person, guard = extrapolate(track, t_s, model), guard_at(track, t_s, model, limits)
+        if person is not None and guard is not None:
+            lost = t_s - _history(track, t_s, model)[-1].t_s > model.max_age_s
+            guard = assumed_guard(guard) if lost else guard
+            people.append(ObservedPerson(person.name, (person.intent,), guard, assumed=lost))
+    return tuple(people)
+
+
+def assumed_guard(guard: Guard) -> Guard:
+    """Somebody who can do all that a person in `guard` can: with every velocity within the limit,
+    and a millimetre more of position, for rounding."""
+    p, w = guard.position, guard.velocity
+    fastest = math.hypot(w.x, w.y) + guard.limits.speed_mps + _ROUNDING_M
+    return dataclasses.replace(
+        guard,
+        position=dataclasses.replace(p, radius=p.radius + _ROUNDING_M),
+        velocity=dataclasses.replace(w, radius=fastest),
+    )
+
+
+def _history(track: Track, t_s: float, model: PersonModel) -> Sequence[PersonSample]:
+    """The samples of the last window_s before the newest one; none if that one is too old."""
+    newest = bisect_right(track.samples, t_s, key=lambda sample: sample.t_s)
+    seen = track.samples[:newest]
+    if not seen or t_s - seen[-1].t_s > model.gone_age_s:
+        return ()
+    return [s for s in seen if s.t_s >= seen[-1].t_s - model.window_s]
+
+
+def _slope(history: Sequence[PersonSample]) -> tuple[float, float, float, float]:
+    """Velocity by least squares (x, y), mean of the times, sum of their squared distances to it."""
+    mean = sum(s.t_s for s in history) / len(history)
+    spread = sum((s.t_s - mean) ** 2 for s in history)
+    vx = sum((s.t_s - mean) * s.x_m for s in history) / spread
+    vy = sum((s.t_s - mean) * s.y_m for s in history) / spread
+    return vx, vy, mean, spread
+
+
+def _jitter(history: Sequence[PersonSample], model: PersonModel) -> float:
+    _, _, mean, spread = _slope(history)
+    return model.jitter_m * sum(abs(s.t_s - mean) for s in history) / spread
 
 
 def _velocity(history: Sequence[PersonSample], model: PersonModel) -> tuple[float, float, float]:
     if len(history) < 2:
         return 0.0, 0.0, model.unseen_speed_mps
-    mean = sum(s.t_s for s in history) / len(history)
-    spread = sum((s.t_s - mean) ** 2 for s in history)
-    vx = sum((s.t_s - mean) * s.x_m for s in history) / spread
-    vy = sum((s.t_s - mean) * s.y_m for s in history) / spread
-    jitter = model.jitter_m * sum(abs(s.t_s - mean) for s in history) / spread
+    vx, vy, mean, _ = _slope(history)
     lag = model.acceleration_mps2 * (history[-1].t_s - mean)
-    return vx, vy, model.speed_error_mps + jitter + lag
-
-
-def discs(person: Person, *, horizon_s: float, step_s: float) -> tuple[Disc, ...]:
-    """The person's predicted discs (x, y, radius) at 0, step_s, ... up to horizon_s."""
-    return tuple(
-        (
-            person.x_m + person.vx_mps * tau,
-            person.y_m + person.vy_mps * tau,
-            person.radius_m + person.growth_mps * tau + person.growth_mps2 * tau * tau / 2,
-        )
-        for tau in (k * step_s for k in range(round(horizon_s / step_s) + 1))
-    )
-
-
-def as_frame(person: Person, *, horizon_s: float, step_s: float) -> PersonFrame:
-    """The person as drawn in a report."""
-    return PersonFrame(
-        person.name,
-        person.x_m,
-        person.y_m,
-        person.radius_m,
-        discs(person, horizon_s=horizon_s, step_s=step_s),
-    )
+    return vx, vy, model.speed_error_mps + _jitter(history, model) + lag
 
 
 @final

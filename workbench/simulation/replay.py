@@ -1,22 +1,28 @@
 """Replay: run a monitor over a recorded drive, sample by sample, and measure what it decided.
 
 Replay is open-loop: the recorded car does not obey, so a BRAKE changes nothing of what follows, and
-the driver is not the controller of the bundle.
+the driver is not the controller of the bundle. `FailSafe` can therefore decide nothing here: what
+its induction rests on, that the car does what was sent, does not hold. It is asked beside
+`LookAhead`, and logged.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Iterator
+import statistics
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import final
 
 from workbench.errors import InputError
 from workbench.models.vehicle import Vehicle
 from workbench.models.vehicle_sections import Geometry
-from workbench.runtime.path import PathTable
+from workbench.runtime import MotionLimits, PathTable, Timing
+from workbench.runtime.policies import Turn
 from workbench.sets import Box
+from workbench.simulation.clock import SetClock
 from workbench.simulation.measures import Drawing, Judge, Measures, Moment, Progress
 from workbench.simulation.observing import Observer, StateErrors, rear_axle
 from workbench.simulation.people import Body, PeopleModel, seen_people
@@ -28,26 +34,37 @@ OPEN_LOOP = (
     "Replay is open-loop: the recorded car does not obey the decisions, and its driver is not the "
     "controller that the bundle was built for."
 )
+CHECK_S = 0.02
+"""How long after its sample a check is taken to end, so that the log does not depend on the
+machine; the time per decision is measured beside."""
+TURN_S = 1.0 / 30.0
+"""Time between two turns of the sender."""
+# Of a turn; a clock that counts from long ago shows instants no finer.
+_SAME_TURN = 1e-3
+_TIMING = Timing(period_s=0.1, latency_s=0.05, send_gap_s=TURN_S)
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class ReplaySettings:
-    """errors: around the recorded state; people, path: how they are predicted and smoothed;
-    speed_limit_mps: faster samples are not judged; reference_ahead_m: recorded point ahead of the
-    rear axle; drawn_horizon_s, drawn_step_s: people's discs kept for the report.
+    """errors: around the recorded state; people, path: how they are predicted and smoothed; limits:
+    what no person exceeds; watched_m: radius about the car within which everybody is taken to be
+    recorded; speed_limit_mps: faster samples are not judged; reference_ahead_m: recorded point
+    ahead of the rear axle; drawn_horizon_s, drawn_step_s: people's discs kept for the report.
     """
 
     errors: StateErrors
     people: PeopleModel
+    limits: MotionLimits
     path: PathSmoothing
+    watched_m: float
     speed_limit_mps: float
     reference_ahead_m: float
     drawn_horizon_s: float
     drawn_step_s: float
 
     def __post_init__(self) -> None:
-        for name in ("speed_limit_mps", "drawn_horizon_s", "drawn_step_s"):
+        for name in ("watched_m", "speed_limit_mps", "drawn_horizon_s", "drawn_step_s"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise InputError(f"{name}: expected a finite number above zero, got {value!r}")
@@ -57,11 +74,13 @@ class ReplaySettings:
             )
 
     @classmethod
-    def instrumented_car(cls) -> ReplaySettings:
-        """A GNSS/INS car whose point lies 0.3 m ahead of the rear axle, judged up to 8 m/s."""
+    def instrumented_car(cls, limits: MotionLimits) -> ReplaySettings:
+        """A GNSS/INS car whose point lies 0.3 m ahead of the rear axle, judged up to 8 m/s, that
+        records everybody within 30 m."""
         return cls(
-            StateErrors.assumed(), PeopleModel.assumed(), PathSmoothing.usual(), 8.0, 0.3, 3.0, 0.5
-        )
+            StateErrors.assumed(), PeopleModel.assumed(), limits, PathSmoothing.usual(), 30.0, 8.0,
+            0.3, 3.0, 0.5,
+        )  # fmt: skip
 
 
 @final
@@ -119,36 +138,38 @@ def replay_vehicle(recording: Recording, base: Vehicle, settings: ReplaySettings
     return dataclasses.replace(named, operation=operation, limits=limits)
 
 
+def replay_timing(recording: Recording) -> Timing:
+    """What the monitor of `replay` must be told of times: 0.1 s between samples, or the recording's
+    median where its samples are rarer; 0.05 s for a check; a sender that turns 30 times a second.
+    """
+    times = [sample.t_s for sample in recording.vehicle]
+    gaps = [after - before for before, after in itertools.pairwise(times)]
+    usual_s = statistics.median(gaps) if gaps else 0.0
+    return dataclasses.replace(_TIMING, period_s=max(_TIMING.period_s, usual_s))
+
+
 def replay(
     recording: Recording,
     monitor: Judge,
     *,
+    clock: SetClock,
     settings: ReplaySettings,
     progress: Progress | None = None,
 ) -> ReplayResult:
     """Ask `monitor` at every sample that counts, using only samples with time <= t.
 
-    The monitor must have been built for `replay_path` and `replay_vehicle`; the route and nothing
-    else of the future is used. `progress(done, total)` is called after each sample. Raises
-    InputError when the vehicle does not move or no sample is slow enough.
+    The monitor must have been built for `replay_path`, `replay_vehicle` and `replay_timing`, read
+    `clock`, and have LookAhead decide; the route and nothing else of the future is used. The clock
+    counts from the recording's first sample; each check ends CHECK_S after its sample. `turn` is
+    asked every TURN_S after a judged sample, and at the next one, just before its check.
+    `progress(done, total)` is called after each sample. Raises InputError when the vehicle does not
+    move or no sample is slow enough.
     """
-    drawing = Drawing(
-        settings.drawn_horizon_s, settings.drawn_step_s, corners(replay_path(recording, settings))
-    )
     _require_slow_samples(recording, settings)
-    observer = Observer(
-        settings.errors,
-        wheelbase_m=recording.shape.wheelbase_m,
-        reference_ahead_m=settings.reference_ahead_m,
-    )
     entries = []
-    for done, sample in enumerate(recording.vehicle, start=1):
-        people = seen_people(recording.people, sample.t_s, settings.people)
-        observation = observer.observe(sample, people)
-        if _counts(sample, settings):
-            decision = monitor.step(observation)
-            moment = _moment(recording, sample, settings)
-            entries.append(moment.entry(observation, decision, drawing))
+    for done, entry in enumerate(_entries(recording, monitor, clock, settings), start=1):
+        if entry is not None:
+            entries.append(entry)
         if progress is not None:
             progress(done, len(recording.vehicle))
     too_fast = sum(s.speed_mps > settings.speed_limit_mps for s in recording.vehicle)
@@ -161,6 +182,45 @@ def replay(
         len(recording.vehicle) - len(entries) - too_fast,
         tuple(_notes(recording, settings, too_fast)),
     )
+
+
+def _entries(
+    recording: Recording, monitor: Judge, clock: SetClock, settings: ReplaySettings
+) -> Iterator[Entry | None]:
+    """For every sample the decision on record, None where it is not judged."""
+    drawing = Drawing(
+        settings.drawn_horizon_s, settings.drawn_step_s, corners(replay_path(recording, settings))
+    )
+    observer = Observer(
+        settings.errors,
+        wheelbase_m=recording.shape.wheelbase_m,
+        reference_ahead_m=settings.reference_ahead_m,
+        watched_m=settings.watched_m,
+    )
+    judged_s = 0.0
+    for sample in recording.vehicle:
+        stamp_s = sample.t_s - recording.vehicle[0].t_s
+        people = seen_people(recording.people, sample.t_s, settings.people, settings.limits)
+        observation = observer.observe(sample, people, stamp_s=stamp_s)
+        if not _counts(sample, settings):
+            yield None
+            continue
+        turns = _turns(monitor, clock, (judged_s, stamp_s))
+        judged_s = stamp_s
+        clock.now_s = stamp_s + CHECK_S
+        decision = monitor.step(observation)
+        yield _moment(recording, sample, turns, settings).entry(observation, decision, drawing)
+
+
+def _turns(monitor: Judge, clock: SetClock, between_s: tuple[float, float]) -> Sequence[Turn]:
+    """The turns of the sender from one judged sample to the next, the last one at the latter."""
+    last_s, stamp_s = between_s
+    turns = []
+    for turn in range(1, math.ceil((stamp_s - last_s) / TURN_S - _SAME_TURN)):
+        clock.now_s = last_s + turn * TURN_S
+        turns.append(monitor.turn(clock.now_s))
+    clock.now_s = stamp_s
+    return [*turns, monitor.turn(stamp_s)]
 
 
 def _counts(sample: VehicleSample, settings: ReplaySettings) -> bool:
@@ -177,7 +237,9 @@ def _require_slow_samples(recording: Recording, settings: ReplaySettings) -> Non
         )
 
 
-def _moment(recording: Recording, sample: VehicleSample, settings: ReplaySettings) -> Moment:
+def _moment(
+    recording: Recording, sample: VehicleSample, turns: Sequence[Turn], settings: ReplaySettings
+) -> Moment:
     shape, ahead_m = recording.shape, settings.reference_ahead_m
     x_m, y_m = rear_axle(sample, ahead_m)
     body = Body(
@@ -188,7 +250,7 @@ def _moment(recording: Recording, sample: VehicleSample, settings: ReplaySetting
         shape.rear_m - ahead_m,
         shape.half_width_m,
     )
-    return Moment(sample.t_s, body, sample.speed_mps, recording.people, settings.people)
+    return Moment(sample.t_s, turns, body, sample.speed_mps, recording.people, settings.people)
 
 
 def _notes(recording: Recording, settings: ReplaySettings, too_fast: int) -> Iterator[str]:
@@ -196,7 +258,17 @@ def _notes(recording: Recording, settings: ReplaySettings, too_fast: int) -> Ite
     yield (
         "People are extrapolated at constant velocity with a growing radius "
         f"({settings.people.on_foot.provenance} figures); who is not seen for "
-        f"{settings.people.on_foot.max_age_s:g} s is dropped."
+        f"{settings.people.on_foot.max_age_s:g} s is assumed to be there, for "
+        f"{settings.people.on_foot.gone_age_s:g} s to have left."
+    )
+    yield (
+        "LookAhead decides; FailSafe is followed in the log only, as the recorded car does not do "
+        "what it says. It takes everybody within "
+        f"{settings.watched_m:g} m to be recorded, and nobody to exceed "
+        f"{settings.limits.speed_mps:g} m/s on foot, "
+        f"{settings.people.on_wheels.unseen_speed_mps:g} m/s on wheels or "
+        f"{settings.limits.acceleration_mps2:g} m/s^2; whoever comes from farther away and is "
+        "faster than the bundle's guard allows is named (NOBODY_NEW)."
     )
     if not recording.people:
         yield "This recording has no people: only the vehicle's side of decisions was exercised."

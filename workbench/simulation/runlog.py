@@ -1,8 +1,10 @@
 """The log of a run: JSON lines, first the header, then one line per decision.
 
-Header: {"format": 1, "created_by", "path": [[x, y], ...], ...} plus what the caller adds (settings,
-bundle hash, recording). Decision: the fields of `Frame` (without its path) and of `Entry`. Lengths
-in m, times in s, rounded to 1e-6, rectangles and discs to 1 mm; what does not exist is null.
+Header: {"format": 2, "created_by", "path": [[x, y], ...], ...} plus what the caller adds (settings,
+bundle hash, recording). Decision: the fields of `Frame` (without its path) and of `Entry`; both
+policies' answers, the verdicts of every nested set, violations and alert among them. Lengths in m,
+times in s, rounded to 1e-6, rectangles and discs to 1 mm; what does not exist is null. Format 1
+knew one policy and one set.
 """
 
 from __future__ import annotations
@@ -19,10 +21,16 @@ from typing import Any, final
 from workbench import __version__
 from workbench.claims import Verdict
 from workbench.errors import InputError
-from workbench.runtime import Decision
-from workbench.simulation.frames import Frame, PersonFrame
+from workbench.runtime import Decision, Observation
+from workbench.simulation.frames import (
+    Frame,
+    LevelVerdicts,
+    PersonFrame,
+    PolicyAnswer,
+    Rectangle,
+)
 
-FORMAT = 1
+FORMAT = 2
 
 
 @final
@@ -31,18 +39,24 @@ class Entry:
     """One decision: the frame, and what a frame does not show.
 
     separation_m: distance from car body to the nearest person's body disc at this sample, None when
-    nobody is seen; nearest: that person; elapsed_s: time the decision took; reference_speed_mps;
+    nobody is seen; nearest: that person; stamp_s: of the observation, on the monitor's clock, as
+    brake_from_s is; elapsed_s: time the decision took; reference_speed_mps;
     clearance_time_s, clearance_person: where the smallest proved clearance lies, None without one;
+    brake_from_s: instant of the monitor's clock from which BRAKE is sent, if no later decision says
+    otherwise; deciding_level: the nested set whose verdict counts;
     rigor: grade of the decision's mathematics; assumptions: what a SAFE rests on, by name.
     """
 
     frame: Frame
     separation_m: float | None
     nearest: str | None
+    stamp_s: float
     elapsed_s: float
     reference_speed_mps: float
     clearance_time_s: float | None
     clearance_person: str | None
+    brake_from_s: float
+    deciding_level: str
     rigor: str
     assumptions: tuple[str, ...]
 
@@ -52,17 +66,21 @@ class Entry:
         frame: Frame,
         decision: Decision,
         closest: tuple[float, str] | None,
-        reference_speed_mps: float,
+        observation: Observation,
     ) -> Entry:
-        """The entry of a decision; `closest`: (separation in m, who), None when nobody is seen."""
+        """The entry of a decision on `observation`; `closest`: (separation in m, who), None when
+        nobody is seen."""
         return cls(
             frame,
             closest[0] if closest else None,
             closest[1] if closest else None,
+            observation.stamp_s,
             decision.elapsed_s,
-            reference_speed_mps,
+            observation.reference_speed_mps,
             decision.clearance_time_s,
             decision.clearance_person,
+            decision.brake_from_s,
+            decision.deciding_level,
             decision.rigor.name,
             tuple(assumption.name for assumption in decision.assumptions),
         )
@@ -168,30 +186,35 @@ def _decision_line(entry: Entry) -> dict[str, Any]:
     line: dict[str, Any] = plain(entry)
     frame = line.pop("frame")
     frame.pop("path")
-    frame["occupancy"] = [[round(n, 3) for n in rectangle] for rectangle in frame["occupancy"]]
+    for name in ("occupancy", "stop_occupancy"):
+        frame[name] = _millimetres(frame[name])
     for person in frame["people"]:
-        person["predicted"] = [[round(n, 3) for n in disc] for disc in person["predicted"]]
+        for name in ("predicted", "guarded"):
+            person[name] = _millimetres(person[name])
     return {**frame, **line}
 
 
+def _millimetres(shapes: Sequence[Sequence[float]]) -> list[list[float]]:
+    return [[round(number, 3) for number in shape] for shape in shapes]
+
+
 def _entry(record: dict[str, Any], corners: tuple[tuple[float, float], ...]) -> Entry:
-    people = tuple(
-        PersonFrame(
-            p["name"],
-            p["x_m"],
-            p["y_m"],
-            p["radius_m"],
-            tuple((x, y, r) for x, y, r in p["predicted"]),
-        )
-        for p in record["people"]
-    )
-    occupancy = tuple((x, y, h, a, b) for x, y, h, a, b in record["occupancy"])
     frame = Frame(
         **{name: record[name] for name in _FRAME_SCALARS},
         verdict=Verdict(record["verdict"]),
-        occupancy=occupancy,
-        people=people,
+        occupancy=_rectangles(record["occupancy"]),
+        stop_occupancy=_rectangles(record["stop_occupancy"]),
+        people=tuple(map(_person, record["people"])),
         path=corners,
+        policies=tuple(
+            PolicyAnswer(p["policy"], Verdict(p["verdict"]), p["action"], p["reason"])
+            for p in record["policies"]
+        ),
+        levels=tuple(
+            LevelVerdicts(each["tube"], tuple(map(Verdict, each["verdicts"])))
+            for each in record["levels"]
+        ),
+        violations=tuple(record["violations"]),
     )
     return Entry(
         frame,
@@ -200,10 +223,33 @@ def _entry(record: dict[str, Any], corners: tuple[tuple[float, float], ...]) -> 
     )
 
 
+def _person(record: dict[str, Any]) -> PersonFrame:
+    predicted, guarded = (
+        tuple((x, y, r) for x, y, r in record[name]) for name in ("predicted", "guarded")
+    )
+    return PersonFrame(
+        record["name"], record["x_m"], record["y_m"], record["radius_m"], predicted, guarded
+    )
+
+
+def _rectangles(rows: Sequence[Sequence[float]]) -> tuple[Rectangle, ...]:
+    return tuple((x, y, h, a, b) for x, y, h, a, b in rows)
+
+
 _FRAME_SCALARS = tuple(
     name
     for name in Frame.__dataclass_fields__
-    if name not in ("verdict", "occupancy", "people", "path")
+    if name
+    not in (
+        "verdict",
+        "occupancy",
+        "stop_occupancy",
+        "people",
+        "path",
+        "policies",
+        "levels",
+        "violations",
+    )
 )
 _ENTRY_SCALARS = tuple(
     name for name in Entry.__dataclass_fields__ if name not in ("frame", "assumptions")

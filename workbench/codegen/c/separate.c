@@ -57,9 +57,9 @@ static int wb_sane_pieces(const wb_crowd *crowd, int j, int count, double until)
   return 1;
 }
 
-/* Takes people as `packed` lays them out, tubes, pieces and skews being set in `crowd`; 0 when a number
- * makes no sense or more came than fits. */
-static int wb_take_crowd(wb_crowd *crowd, double people, double tubes) {
+/* Takes people as `packed` lays them out, tubes, at most `pool` pieces and skews being set in `crowd`; 0
+ * when a number makes no sense or more came than fits. */
+static int wb_take_crowd(wb_crowd *crowd, double people, double tubes, int pool) {
   int t, pieces = 0, of_person = 0, person = 0;
   if (!(wb_whole(people, WB_MOST_PEOPLE) && wb_whole(tubes, WB_MOST_TUBES))) return 0;
   if (!(crowd->skew_lower >= -WB_LONGEST_S && crowd->skew_lower <= crowd->skew_upper)) return 0;
@@ -74,6 +74,7 @@ static int wb_take_crowd(wb_crowd *crowd, double people, double tubes) {
     if (of_person > WB_PERSON_TUBES || !wb_whole(tube[1], WB_KINDS - 1)) return 0;
     if (!(tube[2] >= -WB_LONGEST_S && tube[2] <= WB_LONGEST_S)) return 0;
     if (!(tube[3] == pieces && wb_whole(tube[4], WB_TUBE_PIECES) && tube[4] >= 1.0)) return 0;
+    if (!(tube[4] <= pool - pieces)) return 0;
     if (!wb_sane_pieces(crowd, pieces, (int)tube[4], tube[2])) return 0;
     pieces += (int)tube[4];
   }

@@ -21,7 +21,7 @@ int wb_separate(const double *query, double *result, double *work) {
   crowd.piece = query + WB_S_PIECES;
   crowd.skew_lower = query[2];
   crowd.skew_upper = query[3];
-  if (!wb_take_crowd(&crowd, query[0], query[1])) return 1;
+  if (!wb_take_crowd(&crowd, query[0], query[1], WB_MOST_TUBES * WB_TUBE_PIECES)) return 1;
   if (!(query[4] >= 0.0 && query[4] <= most && query[4] == (int)query[4])) return 1;
   if (!wb_whole(query[5], WB_SEGMENTS)) return 1;
   mask = (int)query[4];

@@ -18,7 +18,11 @@
   }
   const CM = 0.01, MRAD = 0.001;
   const paths = scene.paths.map((flat) => summed(flat, 2, [CM, CM]));
-  const rectangles = (frame) => summed(frame.o, 5, [CM, CM, MRAD, CM, CM]);
+  const boxes = (flat) => summed(flat, 5, [CM, CM, MRAD, CM, CM]);
+  const rectangles = (frame) => boxes(frame.o);
+  const shows = (policy) => [0, policy].includes(Number(find("shown").value));
+  // Tubes have the colours of the policy they decide; pages of one policy have one verdict.
+  const said = (frame, policy) => (frame.q.length ? frame.q[policy - 1][1] : frame.v);
   const discs = (person) => summed(person.slice(1), 3, [CM, CM, CM]);
   const car = (frame) => [frame.c[0] * CM, frame.c[1] * CM, frame.c[2] * MRAD];
 
@@ -115,14 +119,19 @@
   function drawPeople(pen, eye, frame, ink, blue) {
     const at = car(frame);
     pen.font = "12px system-ui, sans-serif";
-    frame.p.forEach(function (person) {
+    frame.p.forEach(function (person, rank) {
       const rounds = discs(person);
       pen.fillStyle = pen.strokeStyle = blue;
-      rounds.slice(1).forEach(function (round) {
+      if (shows(1)) rounds.slice(1).forEach(function (round) {
         disc(pen, eye, round);
         pen.globalAlpha = 0.1; pen.fill();
         pen.globalAlpha = 0.5; pen.lineWidth = 0.8; pen.stroke();
       });
+      pen.setLineDash([2, 4]); pen.globalAlpha = 0.9; pen.lineWidth = 1.2;
+      if (shows(2)) summed(frame.g[rank], 3, [CM, CM, CM]).slice(1).forEach(function (round) {
+        disc(pen, eye, round); pen.stroke();
+      });
+      pen.setLineDash([]);
       pen.globalAlpha = 1;
       disc(pen, eye, rounds[0]); pen.fill();
       pen.fillStyle = ink;
@@ -144,6 +153,16 @@
     pen.closePath(); pen.fill();
   }
 
+  function drawTube(pen, eye, shapes, verdict, fill, width) {
+    pen.setLineDash(verdict === 0 ? [] : [4, 3]);
+    pen.fillStyle = pen.strokeStyle = scene.verdicts[verdict][1];
+    shapes.forEach(function (shape) {
+      box(pen, eye, shape);
+      pen.globalAlpha = fill; pen.fill();
+      pen.globalAlpha = 0.8; pen.lineWidth = width; pen.stroke();
+    });
+  }
+
   function drawView() {
     const frame = frames[index], page = getComputedStyle(root);
     const ink = page.color, blue = page.getPropertyValue("--blue").trim();
@@ -154,13 +173,8 @@
     paths[frame.l].forEach((at) => pen.lineTo(eye.x(at[0]), eye.y(at[1])));
     pen.stroke();
     const verdict = scene.verdicts[frame.v];
-    pen.setLineDash(frame.v === 0 ? [] : [4, 3]);
-    pen.fillStyle = pen.strokeStyle = verdict[1];
-    rectangles(frame).forEach(function (shape) {
-      box(pen, eye, shape);
-      pen.globalAlpha = 0.16; pen.fill();
-      pen.globalAlpha = 0.8; pen.lineWidth = 1; pen.stroke();
-    });
+    if (shows(1)) drawTube(pen, eye, rectangles(frame), said(frame, 1), 0.16, 1);
+    if (shows(2)) drawTube(pen, eye, boxes(frame.h), said(frame, 2), 0, 2.2);
     pen.setLineDash([]); pen.globalAlpha = 1;
     drawPeople(pen, eye, frame, ink, blue);
     drawCar(pen, eye, frame, ink);
@@ -196,6 +210,16 @@
     find("clearance").textContent = frame.d === null ? "none" : frame.d.toFixed(2) + " m";
     find("people").textContent = String(frame.n);
     find("why").textContent = scene.texts[frame.r];
+    // What the policies said is all of it.
+    find("why").parentElement.hidden = frame.q.length > 0;
+    find("sent").textContent = scene.texts[frame.e] || "–";
+    find("policies").textContent = frame.q.map((each) => scene.texts[each[0]] + ": " +
+      scene.verdicts[each[1]][0] + ", " + scene.texts[each[2]] + ". " + scene.texts[each[3]]).join("\n") || "–";
+    find("levels").textContent = frame.m.map((each) => scene.texts[each[0]] + ": " +
+      each.slice(1).map((level) => scene.verdicts[level][0]).join(", ")).join("\n") || "–";
+    const named = frame.w.map((text) => scene.texts[text]);
+    if (frame.z !== null) named.push("alert to " + scene.texts[frame.z]);
+    find("named").textContent = named.join("\n") || "none";
     drawView();
     drawStrip();
   }
@@ -258,6 +282,7 @@
   find("ahead").addEventListener("click", () => step(1));
   find("closer").addEventListener("click", () => zoomBy(1.25));
   find("wider").addEventListener("click", () => zoomBy(0.8));
+  find("shown").addEventListener("change", drawView);
   find("follow").addEventListener("change", function () { zoom = 1; drawView(); });
   window.addEventListener("resize", () => show(index));
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => show(index));

@@ -18,10 +18,11 @@ from workbench.runtime.policies.deciding import (
     PoliciesOutcome,
     PoliciesState,
 )
-from workbench.runtime.policies.fail_safe import FailSafe, FailSafeState, Phase, Turn
+from workbench.runtime.policies.fail_safe import FailSafe
 from workbench.runtime.policies.guards import Relation
 from workbench.runtime.policies.horizon import BrakeBounds, Timing, fail_safe_horizon_s
 from workbench.runtime.policies.look_ahead import LookAhead, LookAheadState
+from workbench.runtime.policies.phases import FailSafeState, Phase, Turn
 
 __all__ = [
     "Alert",

@@ -51,8 +51,9 @@ class StopAnswer:
 
     tube: its rows; switch_s: every instant after the stamp at which BRAKE may be commanded;
     start_s: None where TRACK is in force at the stamp; otherwise the car stands at the stamp and
-    TRACK is commanded at any instant of this interval after it. farthest_m: the body stays within
-    this distance of the centre of `Cycle.watched`, all along the tube.
+    TRACK is commanded at any instant of this interval after it. farthest_m: everything within
+    the clearance that is required of the body stays within this distance of the centre of
+    `Cycle.watched`, all along the tube.
     """
 
     answer: Answer

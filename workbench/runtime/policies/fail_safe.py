@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import enum
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -12,10 +12,18 @@ from workbench.claims import Verdict
 from workbench.errors import InputError
 from workbench.runtime.arc import Interval
 from workbench.runtime.decision import Action
-from workbench.runtime.policies.cycle import Cycle, Hypothesis, Outcome, Violation
+from workbench.runtime.policies.cycle import Answer, Cycle, Hypothesis, Outcome, Violation
 from workbench.runtime.policies.guards import Relation, Scene, people_violations, remembered
 from workbench.runtime.policies.horizon import GRAIN_S, BrakeBounds, Timing
 from workbench.runtime.policies.instants import age_violation, arithmetic_violation, clock_violation
+from workbench.runtime.policies.phases import (
+    FailSafeState,
+    Phase,
+    Turn,
+    braked,
+    brakes_s,
+    closed,
+)
 from workbench.runtime.policies.plan import (
     SPEED,
     Plan,
@@ -26,43 +34,6 @@ from workbench.runtime.policies.plan import (
 )
 
 _NAME = "FailSafe"
-
-
-class Phase(enum.Enum):
-    """HOLDING: BRAKE is commanded. TRACKING: TRACK is, and a new plan may replace the one in force.
-    CLOSING: TRACK is, until the plan's switch, and nothing may replace it."""
-
-    HOLDING = "holding"
-    TRACKING = "tracking"
-    CLOSING = "closing"
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class FailSafeState:
-    """What `FailSafe` remembers. plan: in force, or carried out last; offer: permitted from
-    standstill, not yet begun. braking_s, begun_s: when BRAKE and TRACK were commanded; stands_s:
-    from when the car is proved to stand; clock_s: the latest instant; stamp_s: the latest stamp;
-    scene: everybody known then, those who were lost included."""
-
-    phase: Phase
-    plan: Plan | None
-    offer: Plan | None
-    braking_s: float
-    begun_s: float
-    stands_s: float
-    clock_s: float
-    stamp_s: float
-    scene: Scene | None
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Turn:
-    """What the sender sends now; violation: what this instant itself refutes."""
-
-    action: Action
-    violation: Violation | None
 
 
 @final
@@ -100,9 +71,9 @@ class FailSafe:
             )
 
     def start(self, now_s: float) -> FailSafeState:
-        """BRAKE is commanded from now_s on; that the car stands has still to be shown."""
+        """BRAKE is to be commanded by the next turn; that the car stands has still to be shown."""
         never = math.inf
-        return FailSafeState(Phase.HOLDING, None, None, now_s, never, never, now_s, -never, None)
+        return FailSafeState(Phase.HOLDING, None, None, never, never, never, now_s, -never, None)
 
     def start_s(self, state: FailSafeState, stamp_s: float) -> Interval | None:
         """When the tube of an observation must let TRACK begin, counted from its stamp.
@@ -121,19 +92,20 @@ class FailSafe:
         """What to send at now_s. To be called on every turn of the sender, whatever checks do."""
         if not state.clock_s <= now_s < math.inf:
             broken = Violation(Hypothesis.CLOCK, f"{now_s!r} s after {state.clock_s!r} s", True)
-            return self._braked(state, state.clock_s), Turn(Action.BRAKE, broken)
+            return braked(state), Turn(Action.BRAKE, broken)
         state = dataclasses.replace(state, clock_s=now_s)
         if state.phase is Phase.HOLDING:
             return self._begin(state, now_s)
         if state.plan is None:
-            return state, Turn(Action.BRAKE, None)
+            # The car tracks without a plan, because another policy decides; now it need not.
+            return braked(state, sent_s=now_s), Turn(Action.BRAKE, None)
         first, last = state.plan.switch_s
         if now_s < first:
             return state, Turn(Action.TRACK, None)
         if now_s > last:
             detail = f"BRAKE is sent {now_s - last:.3f} s after the switch interval"
             missed = Violation(Hypothesis.SENDER, detail, True)
-            return self._braked(state, now_s), Turn(Action.BRAKE, missed)
+            return braked(state, sent_s=now_s), Turn(Action.BRAKE, missed)
         late = None
         if state.phase is Phase.TRACKING:
             late = Violation(Hypothesis.ON_TIME, "no check ended before the switch", False)
@@ -149,46 +121,54 @@ class FailSafe:
         """Take over the plan of this cycle, or not; consent: False if another policy objects.
 
         A cycle whose sets or rows do not fit each other raises; the caller then keeps the state it
-        has, and `turn` carries out the plan in force.
+        has and calls it `missed`.
         """
+        answer = cycle.stop_guard.answer
         broken = clock_violation(cycle, clock_s=state.clock_s)
         if broken is not None:
-            return self._answered(self._braked(state, state.clock_s), cycle, (broken,), "")
+            return self._answered(braked(state), answer, (broken,), "")
         state, found = self._examined(state, cycle)
         new, objection = self._plan(state, cycle)
         if not objection and not consent:
             objection = "another policy objects"
-        state = dataclasses.replace(state, clock_s=cycle.finished_s, stamp_s=cycle.stamp_s)
+        stamp_s = max(state.stamp_s, cycle.stamp_s)
+        state = dataclasses.replace(state, clock_s=cycle.finished_s, stamp_s=stamp_s)
         if any(violation.refutes_plan for violation in found):
-            state = self._braked(state, cycle.finished_s)
+            state = braked(state)
         elif found or objection:
-            closing = Phase.CLOSING if state.phase is Phase.TRACKING else state.phase
-            state = dataclasses.replace(state, phase=closing, offer=None)
+            state = closed(state)
         elif state.phase is Phase.TRACKING:
             state = dataclasses.replace(state, plan=new)
         elif state.phase is Phase.HOLDING:
             state = dataclasses.replace(state, offer=new)
-        return self._answered(state, cycle, found, objection)
+        return self._answered(state, answer, found, objection)
+
+    def missed(
+        self, state: FailSafeState, answer: Answer, *, now_s: float
+    ) -> tuple[FailSafeState, Outcome]:
+        """A cycle of which nothing can be said: no new plan, and the one in force is carried out.
+
+        It is a check that failed, which refutes no hypothesis; but a clock that runs backwards
+        does. answer: says why, and is INVALID.
+        """
+        if not state.clock_s <= now_s < math.inf:
+            broken = Violation(Hypothesis.CLOCK, f"{now_s!r} s after {state.clock_s!r} s", True)
+            return self._answered(braked(state), answer, (broken,), "")
+        state = closed(dataclasses.replace(state, clock_s=now_s))
+        return self._answered(state, answer, (), answer.reason)
 
     def _begin(self, state: FailSafeState, now_s: float) -> tuple[FailSafeState, Turn]:
         """The offered plan begins if this turn is within its start interval."""
         offer = state.offer
-        if offer is None or offer.start_s is None:
-            return state, Turn(Action.BRAKE, None)
-        if not offer.start_s[0] <= now_s <= offer.start_s[1]:
-            return dataclasses.replace(state, offer=None), Turn(Action.BRAKE, None)
+        granted = None if offer is None else offer.start_s
+        if granted is None or not granted[0] <= now_s <= granted[1]:
+            since_s = min(state.braking_s, now_s)
+            held = dataclasses.replace(state, offer=None, braking_s=since_s)
+            return held, Turn(Action.BRAKE, None)
         begun = dataclasses.replace(
             state, phase=Phase.TRACKING, plan=offer, offer=None, begun_s=now_s, stands_s=math.inf
         )
         return begun, Turn(Action.TRACK, None)
-
-    def _braked(self, state: FailSafeState, now_s: float) -> FailSafeState:
-        """BRAKE from now on, with nothing proved about it."""
-        held = state.phase is Phase.HOLDING
-        return dataclasses.replace(
-            state, phase=Phase.HOLDING, plan=None, offer=None, begun_s=math.inf, stands_s=math.inf,
-            braking_s=state.braking_s if held else now_s,
-        )  # fmt: skip
 
     def _examined(
         self, state: FailSafeState, cycle: Cycle
@@ -199,6 +179,9 @@ class FailSafe:
             age_violation(cycle, self.timing, stamp_s=state.stamp_s),
             self._late(state, cycle),
         ]
+        if not cycle.stamp_s > state.stamp_s:
+            # What is known is newer: this says nothing of it, and must not replace it.
+            return state, _named(found)
         measured = cycle.measured[self.level]
         least, most = measured.interval(SPEED)
         holding = state.phase is Phase.HOLDING
@@ -217,15 +200,17 @@ class FailSafe:
         found += self._people(state, cycle)
         before = state.scene or _scene(cycle)
         state = dataclasses.replace(state, scene=remembered(before, _scene(cycle)))
-        return state, tuple(violation for violation in found if violation is not None)
+        return state, _named(found)
 
     def _people(self, state: FailSafeState, cycle: Cycle) -> tuple[Violation, ...]:
         """Of the guards of the plan in force; at standstill, of those seen last."""
+        now = _scene(cycle)
+        before = state.scene if state.plan is None else state.plan.scene
+        found = people_violations(
+            before or now, now, required=self.required, unseen_speed_mps=self.unseen_speed_mps
+        )
         if state.plan is not None:
-            return people_violations(state.plan.scene, _scene(cycle), required=self.required)
-        if state.scene is None:
-            return ()
-        found = people_violations(state.scene, _scene(cycle), required=self.required)
+            return found
         # Whoever joins while the car stands is in the guards from now on, and in none before.
         return tuple(v for v in found if v.hypothesis is not Hypothesis.NOBODY_NEW)
 
@@ -267,27 +252,37 @@ class FailSafe:
         if state.phase is Phase.CLOSING:
             return "the plan in force is being carried out"
         if state.phase is Phase.HOLDING and not stamp_s >= state.stands_s:
+            if state.plan is not None:
+                return "BRAKE is carried out to standstill"
             return "the car is not known to stand"
         return ""
 
     def _answered(
-        self, state: FailSafeState, cycle: Cycle, found: tuple[Violation, ...], objection: str
+        self,
+        state: FailSafeState,
+        answer: Answer,
+        found: tuple[Violation, ...],
+        objection: str,
     ) -> tuple[FailSafeState, Outcome]:
         if found:
             reason = "; ".join(map(str, found))
         elif objection:
             reason = f"no new plan: {objection}"
         else:
-            reason = cycle.stop_guard.answer.reason
+            reason = answer.reason
         tracks = not found and not objection
-        verdict = cycle.stop_guard.answer.verdict
+        verdict = answer.verdict
         if any(v.hypothesis in (Hypothesis.CLOCK, Hypothesis.ARITHMETIC) for v in found):
             verdict = Verdict.INVALID
         plan = state.offer or state.plan
         waits = state.phase is not Phase.HOLDING or tracks
-        brake_from_s = plan.switch_s[0] if waits and plan is not None else state.braking_s
+        brake_from_s = plan.switch_s[0] if waits and plan is not None else brakes_s(state)
         action = Action.TRACK if tracks else Action.BRAKE
         return state, Outcome(_NAME, verdict, action, reason, found, None, brake_from_s)
+
+
+def _named(found: Sequence[Violation | None]) -> tuple[Violation, ...]:
+    return tuple(violation for violation in found if violation is not None)
 
 
 def _scene(cycle: Cycle) -> Scene:

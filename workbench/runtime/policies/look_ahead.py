@@ -46,7 +46,8 @@ class LookAhead:
     timing: Timing
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.horizon_s < math.inf or self.release_steps < 1:
+        # Written so that NaN is refused.
+        if not (0.0 < self.horizon_s < math.inf and 1 <= self.release_steps < math.inf):
             raise InputError(
                 "LookAhead: expected a finite horizon_s > 0 and release_steps >= 1, got "
                 f"{self.horizon_s!r} and {self.release_steps!r}"
@@ -73,11 +74,22 @@ class LookAhead:
         if safe and not tracks:
             reason += f"; braking until {self.release_steps} SAFE in a row, this is number {run}"
         if not any(violation.refutes_plan for violation in found):
-            state = dataclasses.replace(state, clock_s=cycle.finished_s, stamp_s=cycle.stamp_s)
+            stamp_s = max(state.stamp_s, cycle.stamp_s)
+            state = dataclasses.replace(state, clock_s=cycle.finished_s, stamp_s=stamp_s)
         state = dataclasses.replace(state, safe_in_a_row=run)
         action = Action.TRACK if tracks else Action.BRAKE
-        alert = _alert(cycle, action)
+        alert = alert_where(cycle, action)
         return state, Outcome(_NAME, verdict, action, reason, found, alert, None)
+
+    def missed(
+        self, state: LookAheadState, answer: Answer, *, now_s: float
+    ) -> tuple[LookAheadState, Outcome]:
+        """BRAKE, and an alert to everybody: a cycle of which nothing can be said, for the reason
+        that `answer` gives."""
+        clock_s = now_s if state.clock_s <= now_s < math.inf else state.clock_s
+        state = dataclasses.replace(state, safe_in_a_row=0, clock_s=clock_s)
+        alert = alert_of(answer)
+        return state, Outcome(_NAME, Verdict.INVALID, Action.BRAKE, answer.reason, (), alert, None)
 
     def _violations(self, state: LookAheadState, cycle: Cycle) -> tuple[Violation, ...]:
         found = (
@@ -88,14 +100,15 @@ class LookAhead:
         return tuple(violation for violation in found if violation is not None)
 
 
-def _alert(cycle: Cycle, action: Action) -> Alert | None:
+def alert_where(cycle: Cycle, action: Action) -> Alert | None:
     """To whom braking is not proved to keep clear of; where nothing can be judged, to everybody."""
     if cycle.brake_intent.verdict is not Verdict.SAFE:
-        return _alert_of(cycle.brake_intent)
+        return alert_of(cycle.brake_intent)
     if action is Action.BRAKE and cycle.brake_guard.verdict is not Verdict.SAFE:
-        return _alert_of(cycle.brake_guard)
+        return alert_of(cycle.brake_guard)
     return None
 
 
-def _alert_of(answer: Answer) -> Alert:
+def alert_of(answer: Answer) -> Alert:
+    """An alert for the reason that an answer gives."""
     return Alert(answer.clearance_person, f"braking is not proved to keep clear: {answer.reason}")
