@@ -176,6 +176,7 @@ def test_the_command_reports_everything(
     monkeypatch.setattr("workbench.cli.bench._TRAJECTORIES_QUICK", 3000)
     monkeypatch.setattr("workbench.bench.scoreboard.HORIZONS_S", (0.4, 0.5))
     monkeypatch.setattr("workbench.cli.bench_online.measure", lambda *_, **__: [])
+    monkeypatch.setattr("workbench.cli.bench_decision.measure", lambda *_, **__: None)
     assert main(["bench", "--quick", "--only", "B1-small", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["escapes"] == 0
@@ -228,6 +229,7 @@ def test_an_escape_makes_the_command_fail(
     monkeypatch.setattr("workbench.bench.kernel_times", lambda _: (time,))
     monkeypatch.setattr("workbench.cli.bench._cold_start", lambda _: start)
     monkeypatch.setattr("workbench.cli.bench_online.measure", lambda *_, **__: [])
+    monkeypatch.setattr("workbench.cli.bench_decision.measure", lambda *_, **__: None)
     assert main(["bench", "--quick", "--only", "B1", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["escapes"] == 1
     assert main(["bench", "--quick", "--only", "B1"]) == 1

@@ -17,19 +17,11 @@ from workbench.models.spline_path import Array, SplinePath
 from workbench.models.system import Ode
 from workbench.models.vehicle import Vehicle
 from workbench.runtime import Action
+from workbench.runtime.monitor import STATES
 
 _LONGEST_STEP_S = 0.01
 _WHOLE = 1e-9
 _GRID_M = 0.02
-_PLANT_STATES = (
-    "station",
-    "offset",
-    "steering",
-    "speed",
-    "heading_error",
-    "speed_integral",
-    "offset_integral",
-)
 
 
 @final
@@ -162,8 +154,8 @@ class _Plant:
     """One mode's field with nominal parameters; `felt` replaces nominal disturbances by name."""
 
     def __init__(self, ode: Ode, felt: Mapping[str, float]) -> None:
-        if ode.names[: len(_PLANT_STATES)] != _PLANT_STATES:
-            raise ValueError(f"expected the states {_PLANT_STATES} first, got {ode.names}")
+        if ode.names[: len(STATES)] != STATES:
+            raise ValueError(f"expected the states {STATES} first, got {ode.names}")
         self.size = len(ode.names)
         self._field = ode.function()
         self._parameters = ode.parameter_values()
