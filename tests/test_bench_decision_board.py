@@ -30,8 +30,8 @@ from workbench.runtime.layout import TUBES
 def _latency(budget: int, p999_us: float, proved: float) -> Latency:
     by_tube = dict.fromkeys(TUBES, proved)
     return Latency(
-        budget, 1000, 0.5 * p999_us, p999_us, 2 * p999_us, (1.0, 2.0, 3.0), proved, by_tube, proved,
-        budget // 2, budget,
+        budget, 1000, p999_us, 2 * p999_us, 3 * p999_us, (1.0, p999_us, 3.0), proved, by_tube,
+        proved, budget // 2, budget,
     )  # fmt: skip
 
 
