@@ -56,7 +56,11 @@ def frontier(sweep: Sequence[Latency]) -> Figure:
     headings = ["budget (steps)", "median (us)", "p99.9 (us)", "largest (us)", "proved (%)"]
     return Figure(
         (panel,),
-        (Key("99.9 % of the calls", VERMILLION), Key("median", BLUE), Key("1 ms", INK, "2 3")),
+        (
+            Key("99.9 %, quicker of two calls", VERMILLION),
+            Key("median", BLUE),
+            Key("1 ms", INK, "2 3"),
+        ),
         "Time of a decision against the share of the same random scenes in which both policies are "
         "proved safe to go on; the number at a point is the budget of attempted steps. A smaller "
         "budget bounds the time and proves less.",
@@ -68,13 +72,13 @@ def _paint_frontier(canvas: Canvas, sweep: Sequence[Latency]) -> None:
     axes = canvas.add_subplot()
     share = [100.0 * row.proved for row in sweep]
     for values, colour in (
-        ([row.p999_us for row in sweep], VERMILLION),
+        ([row.quickest_us[1] for row in sweep], VERMILLION),
         ([row.median_us for row in sweep], BLUE),
     ):
         axes.plot(share, values, color=colour, marker="o", markersize=4.0)
     for row, x in zip(sweep, share, strict=True):
         axes.annotate(
-            str(row.budget), (x, row.p999_us), xytext=(0, 6), textcoords="offset points",
+            str(row.budget), (x, row.quickest_us[1]), xytext=(0, 6), textcoords="offset points",
             fontsize=8.0, ha="center",
         )  # fmt: skip
     axes.axhline(LIMIT_US, color=INK, linestyle=":", linewidth=1.0)
