@@ -52,15 +52,16 @@ def test_build_leaves_a_bundle_that_loads(
     assert load_bundle(out).manifest.name == "GEM e2"
 
 
-def test_build_names_the_policy_and_the_set_that_decide(
+def test_build_names_policy_set_and_budget(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "bundle"
-    chosen = ["--deciding", "FailSafe", "--deciding-level", "two thirds"]
+    chosen = ["--deciding", "FailSafe", "--deciding-level", "two thirds", "--budget", "225"]
     assert main(["build", "--horizon", "0.1", "--step", "0.05", *chosen, "--out", str(out)]) == 0
     assert "deciding: FailSafe, for the level 'two thirds'" in capsys.readouterr().out
     manifest = load_bundle(out).manifest
     assert (manifest.deciding, manifest.deciding_level) == ("FailSafe", "two thirds")
+    assert manifest.budget == 225
 
 
 def test_replay_writes_log_and_report_and_one_summary_line(

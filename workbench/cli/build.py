@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from workbench.cli.analysis_options import check_steps, positive
+from workbench.cli.analysis_options import check_steps, count, positive
 from workbench.cli.common import (
     MONITOR_STEP_S,
     add_deciding_option,
@@ -36,6 +36,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_vehicle_option(parser)
     add_grid_options(parser)
     add_deciding_option(parser)
+    parser.add_argument(
+        "--budget",
+        type=count,
+        metavar="N",
+        help="most steps of integration that one decision may try (default: 3000); 225 take about "
+        "1 ms, see docs/decision-benchmarks.md; what is not done by then is not proved",
+    )
     parser.add_argument(
         "--deciding-level",
         default="whole",
@@ -93,11 +100,12 @@ def run(args: argparse.Namespace) -> int:
     check_grid(args)
     _check_level(args.deciding_level)
     from workbench.codegen import MonitorSpec, build_bundle
+    from workbench.codegen.bundle import BUDGET
     from workbench.runtime import load_bundle
 
     spec = MonitorSpec(
         chosen_vehicle(args), args.horizon, args.step, deciding=chosen_deciding(args),
-        deciding_level=args.deciding_level,
+        deciding_level=args.deciding_level, budget=args.budget or BUDGET,
     )  # fmt: skip
     with output_folder(args.out) as out:
         folder = build_bundle(spec, out)
