@@ -40,8 +40,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--budget",
         type=count,
         metavar="N",
-        help="most steps of integration that one decision may try (default: 3000); what is not done "
-        "by then is not proved. 225 take about 1 ms and need a --step of 0.05 s to prove much, see "
+        help="most steps of integration that one decision may try (default: 3000); what is not "
+        "done by then is not proved. 225 take about 1 ms and need a --step of 0.05 s to prove much, see "
         "docs/decision-benchmarks.md",
     )
     parser.add_argument(
