@@ -20,10 +20,11 @@ from workbench.bench.decision_growth import Growth, GrowthPoint
 from workbench.bench.decision_memory import DecisionMemory
 from workbench.bench.decision_text import decision_text, growth_claim, summary_text
 from workbench.bench.online_cost import OnlineCost
-from workbench.bench.online_kernels import Form, Setting
+from workbench.bench.online_kernels import Setting
 from workbench.cli.bench_decision import BEGIN, END
 from workbench.cli.bench_decision_page import decision_page
 from workbench.cli.main import main
+from workbench.reach.online.kernels import Form
 from workbench.runtime.layout import TUBES
 
 

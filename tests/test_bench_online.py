@@ -18,7 +18,6 @@ from workbench.bench.online_agreement import LEVELS, agreement, random_inputs, s
 from workbench.bench.online_board import OnlineBoard, OnlinePlan, OnlineRow, ValidatedRow
 from workbench.bench.online_cost import CostCase, online_costs
 from workbench.bench.online_kernels import (
-    Form,
     Setting,
     all_settings,
     cells_of,
@@ -36,6 +35,7 @@ from workbench.codegen.online_source import tube_source
 from workbench.errors import InputError
 from workbench.models.benchmarks import b1_small, b2
 from workbench.reach import ReachTube, TubeStatus
+from workbench.reach.online.kernels import Form
 from workbench.report.frontier import Frontier, FrontierPoint, frontier_figure
 
 ONE = Setting("local", Form.LINEAR, 0.05, 1)

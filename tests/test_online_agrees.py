@@ -21,13 +21,14 @@ from tube_cases import (
     vehicle_sets,
 )
 
-from workbench.bench.online_kernels import Form, operating_region
+from workbench.bench.online_kernels import operating_region
 from workbench.bench.online_method import OnlineMethod
 from workbench.codegen.online_tube import OnlineTube, online_tube
 from workbench.errors import InputError
 from workbench.models import Ode, Ranged
 from workbench.models.benchmarks import all_benchmarks
 from workbench.reach import Partitioned, ReachTube, TubeStatus, ValidatedTube, compute_tube
+from workbench.reach.online.kernels import Form
 from workbench.sensitivity.sampling import sample_initial_states
 from workbench.sets import Box
 

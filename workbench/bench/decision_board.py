@@ -23,9 +23,10 @@ from workbench.bench.decision_kernel import (
 from workbench.bench.decision_memory import DecisionMemory, decision_memory
 from workbench.bench.decision_scenes import Scene, hostile_scenes, random_scenes, telling_scenes
 from workbench.bench.online_cost import CostCase, OnlineCost, online_costs
-from workbench.bench.online_kernels import KERNELS, Form, Setting, compiled, kernel_functions
+from workbench.bench.online_kernels import Setting, compiled, kernel_functions
 from workbench.codegen.bundle import BUDGET
 from workbench.models.benchmarks import b2
+from workbench.reach.online.kernels import KERNELS, Form
 from workbench.reach.tube import Array
 from workbench.runtime.layout import TUBES
 

@@ -11,7 +11,6 @@ from workbench.bench.online_agreement import Agreement, agreement
 from workbench.bench.online_cost import CostCase, OnlineCost, online_costs
 from workbench.bench.online_kernels import (
     SPLIT_AXES,
-    Form,
     Setting,
     compiled,
     kernel_functions,
@@ -24,6 +23,7 @@ from workbench.codegen.online_tube import OnlineTube
 from workbench.models.benchmarks import Benchmark
 from workbench.reach import Partitioned, ReachTube, ValidatedTube, compute_tube
 from workbench.reach.online.functions import OnlineFunctions
+from workbench.reach.online.kernels import Form
 
 HORIZON_S = 3.0
 GROWTH_S = (1.0, 2.0, 3.0, 4.0, 5.0)

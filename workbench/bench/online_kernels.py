@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import enum
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, final
 
@@ -15,11 +14,10 @@ from workbench.codegen.online_source import OnlineSizes
 from workbench.codegen.online_tube import OnlineTube
 from workbench.errors import InputError
 from workbench.models.benchmarks import Benchmark
-from workbench.models.system import Ode
 from workbench.reach.compute import hull
 from workbench.reach.online.budget import Ranges
-from workbench.reach.online.enclosed import enclosed_functions
-from workbench.reach.online.functions import OnlineFunctions, online_functions
+from workbench.reach.online.functions import OnlineFunctions
+from workbench.reach.online.kernels import KERNELS, Form, Method
 from workbench.reach.online.model import OnlineModel
 from workbench.reach.tube import ReachTube
 from workbench.sets import Box
@@ -29,9 +27,6 @@ CELLS: Final = (1, 8, 27)
 # The initial set is split along y, speed and heading, or what stands for them along a path: they
 # drive the others.
 SPLIT_AXES: Final = (1, 3, 4)
-# States whose initial deviations the quadratic form follows: all but the controllers' integrals,
-# which start at known values.
-_INTEGRALS: Final = ("speed_integral", "offset_integral")
 # What the car can meet on a road: (lower, upper) in each state's unit.
 _REGION: Final = {
     "x": (-100.0, 100.0), "station": (-100.0, 100.0), "y": (-5.0, 5.0), "offset": (-5.0, 5.0),
@@ -39,28 +34,6 @@ _REGION: Final = {
     "heading_error": (-1.5, 1.5), "speed_integral": (-20.0, 20.0), "offset_integral": (-40.0, 40.0),
     "brake_clock": (-1.0, 20.0),
 }  # fmt: skip
-
-Derivation = Callable[[Ode, Ranges, tuple[str, ...]], OnlineFunctions]
-
-
-class Form(enum.Enum):
-    """What of the initial deviations is followed exactly, to this order."""
-
-    LINEAR = "linear"
-    QUADRATIC = "quadratic"
-
-
-def _local(ode: Ode, ranges: Ranges, quadratic: tuple[str, ...]) -> OnlineFunctions:
-    return online_functions(ode, ranges, quadratic=quadratic)
-
-
-def _enclosed(ode: Ode, ranges: Ranges, quadratic: tuple[str, ...]) -> OnlineFunctions:
-    return enclosed_functions(ode, ranges, quadratic=quadratic)
-
-
-KERNELS: Final[Mapping[str, Derivation]] = {"local": _local, "enclosed": _enclosed}
-"""The kernels by name: each derives its Functions from an equation, its ranges and the states whose
-deviations are followed to second order (none: the linear form)."""
 
 
 @final
@@ -110,16 +83,13 @@ def operating_region(benchmark: Benchmark) -> Box:
 
 def kernel_functions(benchmark: Benchmark, kernel: str, form: Form) -> OnlineFunctions:
     """The Functions of one kernel in one form, for steps of up to 0.1 s."""
-    if kernel not in KERNELS:
-        raise InputError(f"no online kernel {kernel!r}; expected one of {', '.join(KERNELS)}")
     ode = benchmark.system.ode
     values = np.array(OnlineModel.of(ode).form.parameter_values())
     lower, upper = (
         np.array([getattr(w, end) for w in ode.disturbances]) for end in ("lower", "upper")
     )
     ranges = Ranges(operating_region(benchmark), (values, values), (lower, upper), max(STEPS_S))
-    followed = tuple(name for name in ode.names if name not in _INTEGRALS)
-    return KERNELS[kernel](ode, ranges, followed if form is Form.QUADRATIC else ())
+    return Method(kernel, form).functions(ode, ranges)
 
 
 def steps_in(horizon_s: float, step_s: float) -> int:

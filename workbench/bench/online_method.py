@@ -6,11 +6,12 @@ import functools
 from dataclasses import dataclass
 from typing import final
 
-from workbench.bench.online_kernels import Form, operating_region, steps_in
+from workbench.bench.online_kernels import operating_region, steps_in
 from workbench.codegen.online_tube import OnlineTube, online_tube
 from workbench.errors import InputError
 from workbench.models.benchmarks import Benchmark
 from workbench.models.system import Ode, System
+from workbench.reach.online.kernels import Form
 from workbench.reach.tube import ReachTube
 from workbench.sets import Box
 

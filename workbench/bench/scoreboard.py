@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import final
 
-from workbench.bench.online_kernels import Form, compiled, kernel_functions
+from workbench.bench.online_kernels import compiled, kernel_functions
 from workbench.bench.samples import SamplePlan, sampled_runs
 from workbench.bench.tightness import SCORE_STEP_S, MethodScore, Samples
 from workbench.errors import InputError
@@ -15,6 +15,7 @@ from workbench.models.benchmarks import Benchmark, all_benchmarks
 from workbench.reach import Partitioned, ReachTube, TubeMethod, ValidatedTube, compute_tube
 from workbench.reach.inner.extremes import SearchEffort
 from workbench.reach.inner.hull import inner_hull
+from workbench.reach.online.kernels import Form
 
 HORIZONS_S = (3.0, 4.0, 5.0)
 # Steps of 0.05 s are sampled at quarters, so that motion between instants is seen.

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from typing import final
 
 from workbench.bench.online_cost import CostCase, online_costs
-from workbench.bench.online_kernels import Form, Setting, compiled, kernel_functions, steps_in
+from workbench.bench.online_kernels import Setting, compiled, kernel_functions, steps_in
 from workbench.bench.scoreboard import ONLINE_KERNEL
 from workbench.bench.tightness import SCORE_STEP_S
 from workbench.errors import InputError
 from workbench.models.benchmarks import Benchmark
+from workbench.reach.online.kernels import Form
 
 _STEPS = 60
 

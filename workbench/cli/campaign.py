@@ -92,9 +92,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _method(name: str, step_s: float) -> TubeMethod:
-    from workbench.bench.online_kernels import Form
     from workbench.bench.online_method import OnlineMethod
     from workbench.reach import ValidatedTube
+    from workbench.reach.online.kernels import Form
 
     if name == "validated":
         return ValidatedTube(step_s)

@@ -16,7 +16,7 @@ from workbench.errors import InputError
 # is about are the operations that run. Vectorising independent columns does not change their bits.
 FLAGS = (
     "-std=c99", "-O2", "-ftree-vectorize", "-fvect-cost-model=dynamic", "-ffp-contract=off",
-    "-fno-fast-math", "-fno-math-errno", "-fPIC", "-shared",
+    "-fno-fast-math", "-fno-math-errno", "-fPIC", "-fno-semantic-interposition", "-shared",
 )  # fmt: skip
 
 

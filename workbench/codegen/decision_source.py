@@ -26,7 +26,8 @@ from workbench.models.stopping import (
 from workbench.models.system import Ode
 from workbench.reach.occupancy import occupancy_function
 from workbench.reach.online.budget import Ranges
-from workbench.reach.online.functions import OnlineFunctions, online_functions
+from workbench.reach.online.functions import OnlineFunctions
+from workbench.reach.online.kernels import LOCAL_LINEAR, Method
 from workbench.reach.online.model import OnlineModel
 from workbench.reach.person_gap import separation_functions
 from workbench.runtime.layout import MOST_PIECES_IN_ALL, query_counts, result_counts, tile
@@ -56,7 +57,8 @@ class DecisionSizes:
     """What is fixed when a decision's kernel is built.
 
     steps rows of step_s (s) each; levels: how many nested sets; deciding: index of the one that is
-    cut into cells and reported; budget: most steps of integration tried in one decision.
+    cut into cells and reported; budget: most steps of integration tried in one decision; method:
+    kernel and form of the tubes.
     """
 
     steps: int
@@ -64,6 +66,7 @@ class DecisionSizes:
     levels: int
     deciding: int
     budget: int
+    method: Method = LOCAL_LINEAR
 
 
 def decision_loop(track: Ode, region: Box) -> Ode:
@@ -95,7 +98,9 @@ def decision_layout(
     return tile(counts, defaults=defaults), tile(results, defaults={})
 
 
-def kernel_functions(loop: Ode, region: Box, *, step_s: float) -> OnlineFunctions:
+def kernel_functions(
+    loop: Ode, region: Box, *, step_s: float, method: Method = LOCAL_LINEAR
+) -> OnlineFunctions:
     """The online tube's Functions for a `decision_loop` in path coordinates within `region`.
 
     Parameters are those of `loop` (a query may hold no others), except that the reference speed may
@@ -110,7 +115,7 @@ def kernel_functions(loop: Ode, region: Box, *, step_s: float) -> OnlineFunction
     w = loop.disturbances
     disturbances = np.array([d.lower for d in w]), np.array([d.upper for d in w])
     ranges = Ranges(region, (low, high), disturbances, step_s)
-    return online_functions(loop, ranges, quadratic=())
+    return method.functions(loop, ranges)
 
 
 def decision_source(track: Ode, brake: VehicleBrake, region: Box, sizes: DecisionSizes) -> str:
@@ -118,7 +123,7 @@ def decision_source(track: Ode, brake: VehicleBrake, region: Box, sizes: Decisio
     loop = decision_loop(track, region)
     macros = _macros(loop, sizes)
     query, result = decision_layout(track, brake, sizes)
-    functions = kernel_functions(loop, region, step_s=sizes.step_s)
+    functions = kernel_functions(loop, region, step_s=sizes.step_s, method=sizes.method)
     online = OnlineSizes(sizes.steps * SUBSTEPS, sizes.step_s)
     ground = [occupancy_function(), *separation_functions()]
     return "\n".join([

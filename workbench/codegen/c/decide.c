@@ -35,6 +35,7 @@ typedef struct {
   double center[WB_LEVELS][WB_N], radius[WB_LEVELS][WB_N];
   long spent, most;
   wb_order order;
+  double boxed_lower, boxed_upper; /* held times that the boxes of the crowd are for */
 } wb_case;
 
 /* A part of an initial set and what its tube proves. */
@@ -91,9 +92,13 @@ static double wb_row_start(const wb_order *order, int k) { return k ? k * WB_STE
 
 static double wb_row_end(const wb_order *order, int k) { return (k + 1) * WB_STEP + order->held_upper; }
 
-/* Boxes around the people for every block of rows: the same for all tubes of one order. */
+/* Boxes around the people for every block of rows: the same for all tubes whose rows are of the same
+ * times. */
 static void wb_box_people(wb_case *c) {
   int k;
+  if (c->boxed_lower == c->order.held_lower && c->boxed_upper == c->order.held_upper) return;
+  c->boxed_lower = c->order.held_lower;
+  c->boxed_upper = c->order.held_upper;
   for (k = 0; k < WB_ROWS; k += WB_BLOCK) {
     const int last = k + WB_BLOCK < WB_ROWS ? k + WB_BLOCK : WB_ROWS;
     double window[2];
@@ -388,6 +393,7 @@ int wb_decide(const double *query, double *result, double *work) {
   wb_invalid(result);
   c.q = query;
   c.spent = 0;
+  c.boxed_lower = c.boxed_upper = -1.0; /* of no order yet */
   if (!wb_sane_query(query)) return 0;
   c.crowd.tube = query + WB_Q_PEOPLE_TUBES;
   c.crowd.piece = query + WB_Q_PEOPLE_PIECES;

@@ -233,6 +233,25 @@ static void wb_line(double low, double high, double floor_, double ceiling, doub
   }
 }
 
+/* Whether the line is that close to the clip for all of low <= d <= high: often further than it was made
+ * for, since one without an error holds to the next kink. */
+static int wb_line_holds(const wb_set *s, int i, double low, double high) {
+  const double floor_ = s->floor[i], ceiling = s->ceiling[i], slope = s->slope[i], offset = s->offset[i];
+  const double points[4] = {low, wb_min(wb_max(low, floor_), high), wb_max(wb_min(high, ceiling), low), high};
+  double most = 0.0;
+  int j;
+  if (low > s->guess_low[i] && high < s->guess_high[i]) return 1;
+  if (!(s->gap[i] > 0.0)) {
+    if (slope > 0.0) return low >= floor_ && high <= ceiling;
+    return offset >= ceiling ? low >= ceiling : high <= floor_;
+  }
+  for (j = 0; j < 4; ++j) {
+    const double value = wb_clip(points[j], floor_, ceiling) - slope * points[j];
+    most = wb_max(most, fabs(value - offset) * WB_UP + 1e-14 * (fabs(points[j]) + fabs(value) + fabs(offset)));
+  }
+  return most <= s->gap[i];
+}
+
 /* Range of every driver at one instant, but for exogenous inputs and third order. */
 static int wb_driver_ranges(const wb_set *s, const wb_instant *t, double *g, const double *q,
                             double *lower, double *upper) {
@@ -894,7 +913,7 @@ static int wb_step_kinks(wb_set *s, wb_moves *m, double h) {
     for (i = 0; i < WB_NK; ++i) {
       const double share = WB_KINK_ROOM * (double)(1 << trial);
       const double room = share * (s->range_high[i] - s->range_low[i]) + 1e-9;
-      if (s->range_low[i] > s->guess_low[i] && s->range_high[i] < s->guess_high[i]) continue;
+      if (wb_line_holds(s, i, s->range_low[i], s->range_high[i])) continue;
       verified = 0;
       s->guess_low[i] = s->range_low[i] - room;
       s->guess_high[i] = s->range_high[i] + room;
