@@ -143,6 +143,21 @@ def compiled(text: Text, optimisation: str = "-O0") -> DecisionKernel:
     return DecisionKernel(compile_shared(text.source, flags=flags).shared_object, text)
 
 
+def with_faults(text: Text, faults: Sequence[tuple[str, str]]) -> DecisionKernel:
+    """The kernel with all faults (what stands in its text once, what stands there instead);
+    its variable `wb_fault` chooses one by its number from 1 on, 0 none."""
+    source = text.source
+    chosen: dict[str, str] = {}
+    for number, (right, wrong) in enumerate(faults, 1):
+        assert source.count(right) == 1, right
+        chosen[right] = f"(wb_fault == {number} ? ({wrong}) : {chosen.get(right, f'({right})')})"
+    for place, right in enumerate(chosen):
+        source = source.replace(right, f"@{place}@")
+    for place, either in enumerate(chosen.values()):
+        source = source.replace(f"@{place}@", either)
+    return compiled(Text("int wb_fault;\n" + source, text.query, text.result))
+
+
 @dataclass(frozen=True, slots=True)
 class Start:
     """An initial box of path states, and the reference speed."""

@@ -127,6 +127,7 @@ def fake_manifest(deciding: int = 0) -> Manifest:
         guard_speed_max_mps=2.5,
         guard_accel_max_mps2=2.0,
         budget=BUDGET,
+        tubes="local, linear",
         rigor=Rigor.ENCLOSED,
         assumptions=(Assumption("model", "the fake model is exact", "none"),),
         golden=tuple(golden),

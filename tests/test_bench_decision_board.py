@@ -14,25 +14,26 @@ pytest.importorskip("matplotlib", reason="needs the optional package matplotlib"
 
 from workbench.bench import decision_board
 from workbench.bench.decision_agreement import DecisionAgreement
-from workbench.bench.decision_board import DecisionBoard, DecisionPlan, Latency, TellingRow
+from workbench.bench.decision_board import DecisionBoard, DecisionPlan, TellingRow
 from workbench.bench.decision_bound import Bound, Limits, Parts, PeopleBound
 from workbench.bench.decision_growth import Growth, GrowthPoint
+from workbench.bench.decision_latency import Latency
 from workbench.bench.decision_memory import DecisionMemory
+from workbench.bench.decision_methods import METHODS, MethodCost
 from workbench.bench.decision_text import decision_text, growth_claim, summary_text
-from workbench.bench.online_cost import OnlineCost
-from workbench.bench.online_kernels import Setting
 from workbench.cli.bench_decision import BEGIN, END
 from workbench.cli.bench_decision_page import decision_page
 from workbench.cli.main import main
-from workbench.reach.online.kernels import Form
 from workbench.runtime.layout import TUBES
 
 
-def _latency(budget: int, p999_us: float, proved: float) -> Latency:
+def _latency(
+    budget: int, p999_us: float, proved: float, *, method: str = "local, linear"
+) -> Latency:
     by_tube = dict.fromkeys(TUBES, proved)
     return Latency(
-        budget, 1000, p999_us, 2 * p999_us, 3 * p999_us, (1.0, p999_us, 3.0), proved, by_tube,
-        proved, budget // 2, budget,
+        method, budget, 1000, p999_us, 2 * p999_us, 3 * p999_us, (p999_us / 9, p999_us, 3.0),
+        proved, by_tube, proved, budget // 2, budget,
     )  # fmt: skip
 
 
@@ -44,20 +45,23 @@ def _growth(over: str, *values: float, power: float = 1.0) -> Growth:
     return Growth(over, tuple(points))
 
 
-def _tube(kernel: str, us: float) -> OnlineCost:
-    setting = Setting(kernel, Form.LINEAR, 0.05, 1)
-    return OnlineCost(setting, 3.0, 5, us, 5.0, us / 5.0, round(1e4 * us), 50_000, us / 5.0)
+def _method(k: int, method: str) -> MethodCost:
+    row = _latency(3000, 9876.0 * (1.0 + 0.5 * k), 0.8, method=method)
+    return MethodCost(row, 4_567_890 * (k + 2) // 2, 20_000 + k, 0)
 
 
 BOARD = DecisionBoard(
     sizes={"horizon_s": 3.0, "step_s": 0.05, "levels": 3, "budget": 3000},
-    latencies=(_latency(3000, 9876.0, 0.8), _latency(200, 987.0, 0.6)),
+    latencies=(
+        _latency(3000, 9876.0, 0.8), _latency(200, 987.0, 0.6),
+        _latency(3000, 12345.0, 0.8, method="enclosed, linear"),
+    ),
     sweep=(_latency(200, 987.0, 0.6), _latency(3000, 9876.0, 0.8)),
+    methods=tuple(_method(k, str(method)) for k, method in enumerate(METHODS)),
     telling=(
         TellingRow("a scene", 167, 1234.0, 8_000_000, {"track": True, "stop": True, "brake": False},
                    dict.fromkeys(TUBES, 3)),
     ),
-    mean_instructions=4_567_890,
     bound=Bound(
         Limits(3000, 66, 3066, 3), 54_321.0, 99, 765_432,
         (Parts("a scene", 1000, 600, 3, 200, 4, 100),),
@@ -69,8 +73,7 @@ BOARD = DecisionBoard(
         _growth("people", 0.0, 1.0, 2.0),
     ),
     memory=DecisionMemory(11, 12, 0, 13, 14, 15, 16, 17, 18),
-    agreement=(DecisionAgreement(300, 2000, 0, 1500, 400, 100),),
-    tubes=(_tube("local", 20.0), _tube("enclosed", 30.0)),
+    agreement=(DecisionAgreement("local, linear", 300, 2000, 0, 1500, 400, 100),),
 )  # fmt: skip
 
 
@@ -104,6 +107,7 @@ def test_the_command_writes_page_and_document(
     html = page.read_text()
     # The frontier, three kinds of growth, the bound.
     assert html.count("<svg viewBox") == 5
+    assert all(f"<td>{method}</td>" in html for method in METHODS)
     assert "http" not in re.sub(r'xmlns(:xlink)?="[^"]*"', "", html)
     full, quick = measured
     assert (full.calls, full.inputs, full.people) == (100_000, 100_000, (0, 1, 2, 4, 8, 16, 32))
@@ -121,13 +125,16 @@ def test_every_figure_is_told(measured: list[DecisionPlan]) -> None:
         "54321 instructions per attempted step",
         "3066 rows",
         "906",
-        "1.50 times the time",
+        "12345",
     ):
         assert figure in text
     assert "SAFE (3)" in text
     assert "UNPROVED (3)" in text
     assert re.search(r"^11 +12 +0 +13 +14 +15 +16 +17 +18$", text, re.M)
-    bare = replace(BOARD, bound=None, latencies=BOARD.latencies[:1])
+    # Over `local, linear`: time, then instructions.
+    for method, ratio in zip(METHODS, ("1.00", "1.50", "2.00", "2.50"), strict=True):
+        assert re.search(rf"^{method} .* {ratio} +{ratio}$", text, re.M)
+    bare = replace(BOARD, bound=None, latencies=(BOARD.latencies[0], BOARD.latencies[2]))
     assert "valgrind is missing" in decision_text(bare)
     assert "no budget of those below keeps p99.9 below 1000 us" in decision_text(bare)
     assert decision_page(bare, "x").html().count("<svg viewBox") == 4
@@ -147,8 +154,11 @@ def test_slopes_are_the_exponents_of_power_laws() -> None:
 @pytest.mark.parametrize(
     "bad",
     [
-        replace(BOARD, agreement=(DecisionAgreement(300, 2000, 1, 1500, 400, 100),)),
+        replace(BOARD, agreement=(replace(BOARD.agreement[0], differing=1),)),
         replace(BOARD, sweep=(replace(BOARD.sweep[0], spent_max=201),)),
+        replace(
+            BOARD, methods=(MethodCost(replace(BOARD.sweep[1], spent_max=3001), 4_567_890, 1, 0),)
+        ),
     ],
 )
 def test_other_bits_and_exceeded_budgets_fail_the_command(
@@ -158,6 +168,8 @@ def test_other_bits_and_exceeded_budgets_fail_the_command(
     assert main(["bench", "--board", "decision", "--quick", "--json"]) == 1
     found = json.loads(capsys.readouterr().out)["decision"]
     assert found["sizes"]["budget"] == 3000
+    assert found["methods"][0]["latency"]["method"] == "local, linear"
+    assert found["methods"][0]["instructions"] == 4_567_890
     one = summary_text(bad)
     assert sum(map(int, re.findall(r"\d+", one))) == 1
 

@@ -10,10 +10,12 @@ import pytest
 from bench_decision_fixture import BUDGET, scenes, small_kernel
 
 from workbench.bench import decision_cost
-from workbench.bench.decision_board import Latency, chosen_budget, latency
 from workbench.bench.decision_cost import Calls, timed_calls
 from workbench.bench.decision_kernel import DecisionCaller
+from workbench.bench.decision_latency import Latency, chosen_budget, latency
 from workbench.bench.decision_scenes import PEOPLE, TUBES_PER_PERSON, random_scenes
+from workbench.codegen.decision_source import DecisionSizes
+from workbench.reach.online.kernels import Method
 from workbench.runtime.layout import TUBES
 
 
@@ -57,7 +59,8 @@ def test_quantiles_and_shares_are_those_of_the_calls() -> None:
     verdicts = [(0.0, 0.0, 1.0)] * 400 + [(0.0, 1.0, 0.0)] * 500 + [(1.0, 0.0, 2.0)] * 101
     usual = _calls([float(k) for k in range(1001)], verdicts)
     fewer = replace(usual, verdicts=np.where(np.arange(1001)[:, None] < 100, 1.0, usual.verdicts))
-    row = latency(300, fewer, usual)
+    row = latency(DecisionSizes(60, 0.05, 3, 0, 300, Method("enclosed")), fewer, usual)
+    assert (row.method, row.budget) == ("enclosed, linear", 300)
     assert [row.median_us, row.p999_us, row.max_us] == pytest.approx([500.0, 999.0, 1000.0])
     assert list(row.quickest_us) == pytest.approx([250.0, 499.5, 500.0])
     assert row.proved == pytest.approx(300 / 1001)
@@ -72,7 +75,8 @@ def test_quantiles_and_shares_are_those_of_the_calls() -> None:
 
 def test_the_chosen_budget_is_the_largest_that_keeps_the_limit() -> None:
     def row(budget: int, p999_us: float) -> Latency:
-        zero = latency(budget, _calls([1.0, 1.0], [(0.0,) * 3] * 2), None)
+        sizes = DecisionSizes(60, 0.05, 3, 0, budget)
+        zero = latency(sizes, _calls([1.0, 1.0], [(0.0,) * 3] * 2), None)
         return replace(zero, quickest_us=(1.0, p999_us, 2 * p999_us))
 
     rows = [row(100, 400.0), row(200, 1000.0), row(300, 1000.1)]

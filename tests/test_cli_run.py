@@ -47,21 +47,29 @@ def test_build_leaves_a_bundle_that_loads(
     assert (data["folder"], data["steps"], data["rigor"]) == (str(out), 60, "ENCLOSED")
     assert (data["deciding"], data["deciding_level"]) == ("both", "whole")
     assert list(data["levels"]) == ["whole", "two thirds", "one third"]
+    assert (data["budget"], data["tubes"]) == (3000, "local, linear")
     assert {path.name: path.read_bytes() for path in out.iterdir()} == real_files()
     assert _names(tmp_path) == {"bundle"}
     assert load_bundle(out).manifest.name == "GEM e2"
 
 
-def test_build_names_policy_set_and_budget(
+def test_build_names_policy_set_budget_and_tubes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "bundle"
     chosen = ["--deciding", "FailSafe", "--deciding-level", "two thirds", "--budget", "225"]
+    chosen += ["--kernel", "enclosed", "--form", "quadratic"]
     assert main(["build", "--horizon", "0.1", "--step", "0.05", *chosen, "--out", str(out)]) == 0
-    assert "deciding: FailSafe, for the level 'two thirds'" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "deciding: FailSafe, for the level 'two thirds', tubes: enclosed, quadratic" in said
     manifest = load_bundle(out).manifest
     assert (manifest.deciding, manifest.deciding_level) == ("FailSafe", "two thirds")
-    assert manifest.budget == 225
+    assert (manifest.budget, manifest.tubes) == (225, "enclosed, quadratic")
+    text = (out / "kernel.c").read_text()
+    assert re.search(r"^#define WB_ENCLOSED 1$", text, re.M)
+    assert re.search(r"^#define WB_M [1-9]", text, re.M)
+    rounding = next(each for each in manifest.assumptions if each.name == "rounding")
+    assert "outward throughout the tube" in rounding.evidence
 
 
 def test_replay_writes_log_and_report_and_one_summary_line(

@@ -10,11 +10,10 @@ from decision_fixture import (
     COMPLETE,
     STARTS,
     DecisionKernel,
-    Text,
-    compiled,
     kernel,
     query,
     real_text,
+    with_faults,
 )
 from decision_paths import paths
 from decision_stops import SPEED, Scene, excess, runs_of
@@ -45,7 +44,8 @@ FAULTS = {
         "wb_min(wb_max(v / d->q[WB_Q_BRAKE + WB_BRAKE_STOP_SPEED] - 1.0, 0.0), 1.0)", "1.0",
     ),
     "the share of the steering falls with the slowest": (
-        "wb_steering_share(d, d->high) + WB_SPEED_ROUNDING", "wb_steering_share(d, d->low)",
+        "wb_steering_share(d, d->high + d->misread[1]) + WB_SPEED_ROUNDING",
+        "wb_steering_share(d, d->low)",
     ),
     "what is let go only turns right": (
         "wb_max(d->q[WB_Q_PARAMETERS + WB_RATE_MAX], 0.0) * share[1]", "0.0",
@@ -55,7 +55,7 @@ FAULTS = {
     ),
     "no acceleration while it waits": ("most * tracked", "0.0"),
     "no deceleration while it waits": ("least * tracked", "0.0"),
-    "the fastest is that of the end": ("wb_max(t, wb_min(order->switch_upper, t + h))", "t + h"),
+    "the fastest is that of the end": ("wb_max(t, wb_min(wb_peak(d), t + h))", "t + h"),
     "the slowest is that of the start": ("wb_slowest(d, t + h)", "wb_slowest(d, t)"),
     "the car stands before it does": (
         "wb_fastest(d, t) <= 0.0", "wb_fastest(d, t) <= 0.2",
@@ -90,17 +90,7 @@ _CATCHERS = [
 
 @functools.cache
 def _faulty() -> DecisionKernel:
-    """The shipped kernel with all faults in its text; `wb_fault` chooses one, 0 none."""
-    source = real_text().source
-    chosen: dict[str, str] = {}
-    for number, (right, wrong) in enumerate(FAULTS.values(), 1):
-        assert real_text().source.count(right) == 1, right
-        chosen[right] = f"(wb_fault == {number} ? ({wrong}) : {chosen.get(right, f'({right})')})"
-    for place, right in enumerate(chosen):
-        source = source.replace(right, f"@{place}@")
-    for place, either in enumerate(chosen.values()):
-        source = source.replace(f"@{place}@", either)
-    return compiled(Text("int wb_fault;\n" + source, real_text().query, real_text().result))
+    return with_faults(real_text(), tuple(FAULTS.values()))
 
 
 def _with_fault(number: int) -> DecisionKernel:

@@ -40,7 +40,9 @@ def test_a_transition_holds_the_flows_of_all_matrices_that_vary_within(seed: int
     exact = expm(centre * 0.3)
     tight = transition(centre, centre, 0.3)
     assert np.all((tight[0] <= exact + 1e-14) & (exact <= tight[1] + 1e-14))
-    assert np.all(tight[1] - tight[0] < 1e-5)
+    # What the series leaves out grows with the seventh power of the matrix.
+    size = 0.3 * np.abs(centre).sum(axis=1).max()
+    assert np.all(tight[1] - tight[0] < 4e-7 * size**7 + 1e-12)
 
 
 @settings(max_examples=30, deadline=None)

@@ -14,20 +14,22 @@ import casadi as ca
 
 from workbench.errors import InputError
 from workbench.models.bicycle import PathFrame
-from workbench.models.closed_loop import Disturbance, EstimationError
-from workbench.models.signals import Signal
+from workbench.models.signals import Ranged, Signal
 from workbench.models.stopping import (
     BRAKE_SPEED,
     BRAKING,
     FREE_STEERING,
     INTEGRAL_SHARE,
     INTEGRATING,
+    MAY_DISTURB,
     STEERING_SHARE,
     TRACKING,
     stopping_loop,
 )
 from workbench.models.system import Ode
 from workbench.models.vehicle import gem_e2
+from workbench.models.vehicle_sections import Uncertainty
+from workbench.reach.ranged_parameters import with_ranged_parameters_as_disturbances
 
 Array = NDArray[np.float64]
 _COUNT = 2000
@@ -157,18 +159,66 @@ def test_new_signals_come_last_and_say_their_ranges() -> None:
     np.testing.assert_allclose(_rates(loop, x, {}, w)[:3], _rates(track, x, {}, w)[:3], rtol=1e-14)
 
 
-def test_a_loop_that_more_disturbs_is_refused() -> None:
-    """Bounds on the speed in closed form would miss what an acceleration adds."""
-    vehicle, frame = gem_e2(), PathFrame(-0.5, 0.5)
-    pushed = vehicle.closed_loop(
-        vehicle.track(), frame, disturbance=Disturbance(acceleration_mps2=0.5)
+_UNSURE = Uncertainty(0.05, 0.02, 0.1, 0.3, 0.04, 0.05)
+
+
+def _unsure_loops() -> tuple[Ode, Ode, Ode]:
+    """The same with estimation errors, disturbances and an uncertain wheelbase."""
+    vehicle, frame = dataclasses.replace(gem_e2(), uncertainty=_UNSURE), PathFrame(-0.5, 0.5)
+    track, brake = (
+        with_ranged_parameters_as_disturbances(vehicle.uncertain_loop(mode, frame).ode)
+        for mode in (vehicle.track(), vehicle.brake.mode())
     )
-    unsure = vehicle.closed_loop(
-        vehicle.track(), frame, estimation_error=EstimationError(0.05, 0.02, 0.1)
-    )
-    for loop, more in ((pushed, "acceleration_disturbance"), (unsure, "speed_estimate_error")):
-        with pytest.raises(InputError, match=rf"only the path's curvature disturbs.*{more}"):
-            stopping_loop(loop.ode, speeds_mps=_SPEEDS)
+    return track, brake, stopping_loop(track, speeds_mps=_SPEEDS)
+
+
+def _felt(chance: np.random.Generator, ode: Ode) -> dict[str, Array]:
+    return {d.name: chance.uniform(d.lower, d.upper, _COUNT) for d in ode.disturbances}
+
+
+def test_what_disturbs_the_track_loop_disturbs_it_the_same_while_tracking() -> None:
+    track, _, loop = _unsure_loops()
+    assert {d.name for d in track.disturbances} == MAY_DISTURB
+    chance = np.random.default_rng(6)
+    x, w = _states(chance), _felt(chance, track)
+    more = {BRAKE_SPEED: chance.uniform(*_SPEEDS, _COUNT), **_steered(np.ones(1))}
+    p = {TRACKING: 1.0, BRAKING: 0.0, INTEGRATING: 1.0}
+    expected = _rates(track, x, p, w)
+    calm = {d.name: np.full(1, d.nominal) for d in track.disturbances} | {
+        "curvature": w["curvature"]
+    }
+    assert (np.abs(expected - _rates(track, x, p, calm))[[2, 3, 4, 5, 6]].max(axis=1) > 0.01).all()
+    np.testing.assert_allclose(_rates(loop, x, p, w | more), expected, rtol=1e-13, atol=1e-14)
+
+
+def test_while_braking_the_steering_is_disturbed_as_much_as_ever() -> None:
+    """The share that is left of the steering scales what is commanded, not what disturbs it, and
+    it follows the speed that is read."""
+    _, brake, loop = _unsure_loops()
+    chance = np.random.default_rng(7)
+    x = _states(chance)
+    w = _felt(chance, brake)
+    moving = np.maximum(x[3], 0.0)
+    stop_mps = gem_e2().brake.stop_speed_mps
+    share = np.clip((moving + w["speed_estimate_error"]) / stop_mps - 1.0, 0.0, 1.0)
+    assert ((share > 0.0) & (share < 1.0)).sum() > 30
+    p = {TRACKING: 0.0, BRAKING: 1.0, INTEGRATING: 0.0}
+    expected = _rates(brake, np.vstack([x, np.full(_COUNT, 0.3)]), {}, w)[:7]
+    got = _rates(loop, x, p, w | {BRAKE_SPEED: moving, **_steered(share)})
+    others = [i for i, name in enumerate(loop.names) if name != "speed"]
+    np.testing.assert_allclose(got[others], expected[others], rtol=1e-13, atol=1e-14)
+    frozen = share == 0.0
+    assert frozen.sum() > 100
+    np.testing.assert_allclose(got[2, frozen], w["steering_rate_disturbance"][frozen])
+
+
+def test_a_loop_that_anything_else_disturbs_is_refused() -> None:
+    """Bounds on the speed in closed form would miss what it does to the speed."""
+    track, _, _ = _loops()
+    wind = Ranged("wind", "1/m", 0.0, -0.5, 0.5)
+    other = dataclasses.replace(track, disturbances=(wind,))
+    with pytest.raises(InputError, match=r"disturb, .* has \['wind'\]"):
+        stopping_loop(other, speeds_mps=_SPEEDS)
 
 
 @pytest.mark.parametrize("name", ["speed", "speed_integral", "steering", "offset_integral"])

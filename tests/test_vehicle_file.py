@@ -9,7 +9,7 @@ from workbench.errors import InputError
 from workbench.models import PathFrame, PlaneFrame
 from workbench.models.benchmarks import b2, b2_path
 from workbench.models.vehicle import Vehicle, gem_e2, gem_e2_path, load_vehicle
-from workbench.models.vehicle_sections import Geometry
+from workbench.models.vehicle_sections import Geometry, Uncertainty
 
 SHIPPED = gem_e2_path().read_text(encoding="utf-8")
 
@@ -117,6 +117,28 @@ def test_guard_of_the_file_bounds_people_and_says_that_it_is_assumed() -> None:
         ("accel_max_mps2 = 1.5\n", "", ("[guard] lacks the key accel_max_mps2",)),
         ("deceleration_min_mps2 = 2.0", "deceleration_min_mps2 = 9.0", ("[brake]", "<=")),
         ("build_up_s = 0.1", "build_up_s = 0.0", ("[brake]", "build_up_s > 0")),
+        (
+            "[brake]",
+            '[uncertainty]\nspeed_mps = 0.2\nprovenance = "guess"\n[brake]',
+            ("[uncertainty] speed_mps", "less than 0.2", "standing car would steer"),
+        ),
+        (
+            "[brake]",
+            '[uncertainty]\nacceleration_mps2 = 2.5\nprovenance = "guess"\n[brake]',
+            ("[uncertainty] acceleration_mps2", "less than 2.0", "would not stand still"),
+        ),
+        (
+            "[brake]",
+            '[uncertainty]\nwheelbase_m = 2\nprovenance = "guess"\n[brake]',
+            ("[uncertainty] wheelbase_m", "less than 1.75"),
+        ),
+        (
+            "[brake]",
+            '[uncertainty]\nlateral_m = -0.1\nprovenance = "guess"\n[brake]',
+            ("[uncertainty]", "lateral_m", ">= 0"),
+        ),
+        ("[brake]", "[uncertainty]\nlateral_m = 0.1\n[brake]", ("lacks the key provenance",)),
+        ("[brake]", "[uncertainties]\n[brake]", ("unknown section", "'uncertainty'")),
         ('name = "GEM e2"', "name = 7", ("[vehicle] name", "text in quotes")),
         ('name = "GEM e2"', 'name = "', ("expected a TOML file", "line")),
     ],
@@ -153,3 +175,20 @@ def test_replacing_a_part_is_checked_again() -> None:
     assert isinstance(dataclasses.replace(vehicle, name="other"), Vehicle)
     with pytest.raises(InputError, match="wheelbase_m"):
         dataclasses.replace(vehicle.geometry, wheelbase_m=0.0)
+
+
+def test_what_the_file_is_unsure_of_disturbs_the_loop(tmp_path: Path) -> None:
+    added = '[uncertainty]\nlateral_m = 0.1\nwheelbase_m = 0.05\nprovenance = "tape"\n[brake]'
+    vehicle = load_vehicle(edited(tmp_path, "[brake]", added))
+    assert vehicle.uncertainty == Uncertainty(0.1, wheelbase_m=0.05, provenance="tape")
+    loop = vehicle.uncertain_loop(vehicle.track(), PathFrame(0.0, 0.0)).ode
+    ranges = {q.name: (q.lower, q.upper) for q in (*loop.disturbances, *loop.parameters)}
+    assert ranges["position_error_lateral"] == (-0.1, 0.1)
+    assert ranges["wheelbase"] == pytest.approx((1.7, 1.8))
+    # What other commands analyse is the loop without it, as ever.
+    calm = vehicle.closed_loop(vehicle.track(), PathFrame(0.0, 0.0)).ode
+    assert [w.name for w in calm.disturbances] == ["curvature"]
+    sure = gem_e2()
+    assert sure.uncertainty == Uncertainty()
+    same = sure.uncertain_loop(sure.track(), PathFrame(0.0, 0.0)).ode
+    assert [w.name for w in same.disturbances] == ["curvature"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import final
+from typing import Final, final
 
 import numpy as np
 
@@ -12,14 +12,17 @@ from workbench.bench.decision_kernel import DecisionCaller, DecisionKernel, comp
 from workbench.bench.decision_scenes import random_scenes
 from workbench.bench.online_agreement import same_bits
 
+PAUSES: Final = 100
+
 
 @final
 @dataclass(frozen=True, slots=True)
 class DecisionAgreement:
     """inputs: random scenes; differing: with any other bit of the result at -O2 than at -O0; safe,
     unproved, invalid: the worse verdict of TRACK and TRACK-then-BRAKE on the deciding level, so
-    that all kinds of answers were compared; budget: of the kernel."""
+    that all kinds of answers were compared; method, budget: of the kernel."""
 
+    method: str
     budget: int
     inputs: int
     differing: int
@@ -40,7 +43,7 @@ def decision_agreement(
     plain_build = compiled_again(kernel.source, level="-O0")
     callers = DecisionCaller(kernel, plain_build), DecisionCaller(kernel)
     rng = np.random.default_rng(seed)
-    pauses = {(k + 1) * inputs // 100 for k in range(100)}
+    pauses = {(k + 1) * inputs // PAUSES for k in range(PAUSES)}
     differing, verdicts = 0, []
     for k, scene in enumerate(random_scenes(inputs, seed=seed)):
         query = kernel.numbers(scene.values)
@@ -53,4 +56,5 @@ def decision_agreement(
         if k + 1 in pauses:
             advance()
     kinds = [verdicts.count(float(number)) for number in range(3)]
-    return DecisionAgreement(kernel.sizes.budget, inputs, differing, *kinds)
+    sizes = kernel.sizes
+    return DecisionAgreement(str(sizes.method), sizes.budget, inputs, differing, *kinds)

@@ -16,6 +16,7 @@ from workbench.codegen.native_calls import exported_size, load_function
 from workbench.models.bicycle import PathFrame
 from workbench.models.system import Ode
 from workbench.models.vehicle import gem_e2
+from workbench.reach.online.kernels import LOCAL_LINEAR, Method
 from workbench.reach.tube import Array
 from workbench.runtime.manifest import Field
 
@@ -72,9 +73,11 @@ def shipped_loop() -> Ode:
     return vehicle.closed_loop(vehicle.track(), PathFrame(-0.5, 0.5)).ode
 
 
-def shipped_sizes(*, horizon_s: float = HORIZON_S, budget: int = BUDGET) -> DecisionSizes:
-    """Sizes of the bundle that `workbench build` makes, for this horizon and budget."""
-    return MonitorSpec(gem_e2(), horizon_s, STEP_S, budget=budget).sizes
+def shipped_sizes(
+    *, horizon_s: float = HORIZON_S, budget: int = BUDGET, method: Method = LOCAL_LINEAR
+) -> DecisionSizes:
+    """Sizes of the bundle that `workbench build` makes, for this horizon, budget and method."""
+    return MonitorSpec(gem_e2(), horizon_s, STEP_S, budget=budget, method=method).sizes
 
 
 def decision_kernel(sizes: DecisionSizes) -> DecisionKernel:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from workbench.bench.decision_board import LIMIT_US, DecisionBoard, Latency
+from collections.abc import Sequence
+
+from workbench.bench.decision_board import DecisionBoard
 from workbench.bench.decision_growth import Growth
+from workbench.bench.decision_latency import LIMIT_US, Latency
+from workbench.bench.decision_methods import COUNTED, MethodCost
 from workbench.bench.decision_scenes import PEOPLE, TUBES_PER_PERSON
 from workbench.bench.text import table
 from workbench.runtime.layout import TUBES
@@ -16,9 +20,9 @@ _LINEAR = 1.05
 def decision_text(board: DecisionBoard) -> str:
     """All tables."""
     parts = [
-        _latencies(board), _sweep(board), _telling(board), _bound(board), _people(board),
-        *(_growth(growth) for growth in board.growth), _memory(board), _agreement(board),
-        _tubes(board),
+        _latencies(board), _sweep(board), _methods(board.methods), _telling(board), _bound(board),
+        _people(board), *(_growth(growth) for growth in board.growth), _memory(board),
+        _agreement(board),
     ]  # fmt: skip
     return "\n\n".join(part for part in parts if part)
 
@@ -31,46 +35,71 @@ def summary_text(board: DecisionBoard) -> str:
 
 
 _COLUMNS = [
-    "budget", "calls", "median us", "p99.9 us", "max us", "quicker of two", "both policies SAFE",
-    *(f"{tube} SAFE" for tube in TUBES),
+    "kernel, form", "budget", "calls", "median us", "p99.9 us", "max us", "quicker of two",
+    "both policies SAFE", *(f"{tube} SAFE" for tube in TUBES),
 ]  # fmt: skip
+_STEPS = ["steps, median", "max"]
 
 
 def _latencies(board: DecisionBoard) -> str:
-    sizes = board.sizes
+    sizes, usual = board.sizes, board.latencies[0]
     title = (
         f"whole decision: {sizes['levels']:g} nested sets, three tubes (track, stop: TRACK then "
-        f"BRAKE, brake) of {sizes['horizon_s']:g} s in rows of {sizes['step_s']:g} s, kernel "
-        f"`local`, linear form, {PEOPLE} people with {TUBES_PER_PERSON} tubes each; random scenes; "
-        "quicker of two: median, p99.9 and max when each scene is decided twice and the quicker "
-        "call counts"
+        f"BRAKE, brake) of {sizes['horizon_s']:g} s in rows of {sizes['step_s']:g} s, "
+        f"{PEOPLE} people with {TUBES_PER_PERSON} tubes each; tubes: {usual.method}, where nothing "
+        "else is said; random scenes; quicker of two: median, p99.9 and max when each scene is "
+        "decided twice and the quicker call counts"
     )
     rows = [[*_cells(row), str(row.spent_median), str(row.spent_max)] for row in board.latencies]
-    found = table([*_COLUMNS, "steps, median", "max"], rows)
-    if len(board.latencies) == 1 and board.latencies[0].quickest_us[1] > LIMIT_US:
+    found = table([*_COLUMNS, *_STEPS], rows)
+    alike = sum(row.method == usual.method for row in board.latencies)
+    if alike == 1 and usual.quickest_us[1] > LIMIT_US:
         found += f"\nno budget of those below keeps p99.9 below {LIMIT_US:g} us"
-    if board.mean_instructions is not None:
-        found += f"\ninstructions, mean over random scenes: {board.mean_instructions}"
     return f"{title}\n{found}"
 
 
 def _cells(row: Latency) -> list[str]:
     return [
-        str(row.budget), str(row.calls), f"{row.median_us:.0f}", f"{row.p999_us:.0f}",
+        row.method, str(row.budget), str(row.calls), f"{row.median_us:.0f}", f"{row.p999_us:.0f}",
         f"{row.max_us:.0f}", " / ".join(f"{value:.0f}" for value in row.quickest_us),
         f"{row.proved:.1%}", *(f"{row.by_tube[tube]:.1%}" for tube in TUBES),
     ]  # fmt: skip
 
 
+def _kept(row: Latency) -> str:
+    return _NOTHING if row.kept is None else f"{row.kept:.1%}"
+
+
 def _sweep(board: DecisionBoard) -> str:
-    rows = [
-        [*_cells(row), _NOTHING if row.kept is None else f"{row.kept:.1%}"] for row in board.sweep
-    ]
+    rows = [[*_cells(row), _kept(row)] for row in board.sweep]
     title = (
         "budget against what stays proved, the same scenes for all; kept: of the decisions that "
         "the default budget proves for both policies"
     )
     return f"{title}\n{table([*_COLUMNS, 'kept'], rows)}"
+
+
+def _methods(methods: Sequence[MethodCost]) -> str:
+    least = methods[0]
+    rows = [
+        [
+            *_cells(each.latency), _kept(each.latency), str(each.latency.spent_median),
+            str(each.latency.spent_max), _number(each.instructions), _number(each.code),
+            _number(each.static), f"{each.times(least):.2f}",
+            _number(each.times_instructions(least), ".2f"),
+        ]
+        for each in methods
+    ]  # fmt: skip
+    headings = [
+        *_COLUMNS, "kept", *_STEPS, "instructions", "code", "static", "time", "instructions",
+    ]  # fmt: skip
+    title = (
+        "every kernel in every form, the scenes of the budgets above; kept: of the decisions that "
+        f"{least.latency.method} proves; instructions: mean over the first {COUNTED} scenes; code, "
+        f"static: bytes; last: median time (quicker of two) and instructions over those of "
+        f"{least.latency.method}"
+    )
+    return f"{title}\n{table(headings, rows)}"
 
 
 def _telling(board: DecisionBoard) -> str:
@@ -85,8 +114,8 @@ def _telling(board: DecisionBoard) -> str:
     return f"{title}\n{table(['scene', 'steps', 'us', 'instructions', *TUBES], rows)}"
 
 
-def _number(value: float | None) -> str:
-    return _NOTHING if value is None else f"{value:.0f}"
+def _number(value: float | None, format_spec: str = ".0f") -> str:
+    return _NOTHING if value is None else format(value, format_spec)
 
 
 def _bound(board: DecisionBoard) -> str:
@@ -172,6 +201,7 @@ def _memory(board: DecisionBoard) -> str:
 def _agreement(board: DecisionBoard) -> str:
     rows = [
         [
+            f.method,
             str(f.budget),
             str(f.inputs),
             str(f.differing),
@@ -182,22 +212,6 @@ def _agreement(board: DecisionBoard) -> str:
         for f in board.agreement
     ]
     headings = [
-        "budget", "inputs", "differing", "both SAFE", "UNPROVED", "INVALID",
+        "kernel, form", "budget", "inputs", "differing", "both SAFE", "UNPROVED", "INVALID",
     ]  # fmt: skip
     return f"random inputs with other bits at -O2 than at -O0\n{table(headings, rows)}"
-
-
-def _tubes(board: DecisionBoard) -> str:
-    rows = [
-        [tube.setting.kernel, f"{tube.tube_us:.0f}", _number(tube.tube_instructions)]
-        for tube in board.tubes
-    ]
-    local, enclosed = board.tubes
-    title = (
-        "the decision's tubes are `local`; one linear tube of 3 s on B2 beside, as on the online "
-        f"board: `enclosed` takes {enclosed.tube_us / local.tube_us:.2f} times the time"
-    )
-    if local.tube_instructions is not None and enclosed.tube_instructions is not None:
-        ratio = enclosed.tube_instructions / local.tube_instructions
-        title += f" and {ratio:.2f} times the instructions"
-    return f"{title}\n{table(['kernel', 'us', 'instructions'], rows)}"

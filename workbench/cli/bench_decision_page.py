@@ -11,16 +11,18 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from workbench import __version__
-from workbench.bench.decision_board import LIMIT_US
+from workbench.bench.decision_latency import LIMIT_US
 from workbench.bench.decision_text import growth_claim
 from workbench.report.drawing import BLUE, INK, VERMILLION, Figure, Key, svg_panel
 from workbench.report.page import Page, Paragraph, Section
 from workbench.report.tables import Cell, Table
 
 if TYPE_CHECKING:
-    from workbench.bench.decision_board import DecisionBoard, Latency
+    from workbench.bench.decision_board import DecisionBoard
     from workbench.bench.decision_bound import PeopleBound
     from workbench.bench.decision_growth import Growth
+    from workbench.bench.decision_latency import Latency
+    from workbench.bench.decision_methods import MethodCost
 
 _MILLION: Final = 1e6
 
@@ -29,6 +31,7 @@ def decision_page(board: DecisionBoard, command: str) -> Page:
     """Budget against latency and proof, growth with horizon, cells and people, and the bound."""
     usual = board.latencies[0]
     sections = [Section("Time against what stays proved", [frontier(board.sweep)])]
+    sections.append(Section("Kernels and forms", [methods_table(board.methods)]))
     claims = [Paragraph(f"{each.over}: {growth_claim(each)}.") for each in board.growth]
     sections.append(Section("Growth", [*claims, growth_figure(board.growth)]))
     if board.bound is not None:
@@ -36,7 +39,8 @@ def decision_page(board: DecisionBoard, command: str) -> Page:
     lead = [
         "One decision computes three tubes for three nested sets and compares them with everybody "
         "near: both policies, in C, on one core.",
-        f"{usual.calls} random scenes with the default budget of {usual.budget} steps: median "
+        f"{usual.calls} random scenes with the default budget of {usual.budget} steps, tubes: "
+        f"{usual.method}: median "
         f"{usual.median_us:.0f} us, 99.9 % below {usual.p999_us:.0f} us, largest "
         f"{usual.max_us:.0f} us; {usual.proved:.1%} let both policies go on.",
     ]
@@ -88,6 +92,25 @@ def _paint_frontier(canvas: Canvas, sweep: Sequence[Latency]) -> None:
     axes.set_xlim(-3.0, 103.0)
     axes.set_xlabel("both policies proved (% of the scenes)")
     axes.set_ylabel("time of a decision (us), log scale")
+
+
+def methods_table(methods: Sequence[MethodCost]) -> Table:
+    """Latency, proof and instructions of every kernel in every form, on the same scenes."""
+    least = methods[0]
+    rows: list[list[Cell]] = [
+        [
+            each.latency.method, each.latency.median_us, each.latency.p999_us, each.latency.max_us,
+            100.0 * each.latency.proved, each.instructions, each.code, each.times(least),
+            each.times_instructions(least),
+        ]
+        for each in methods
+    ]  # fmt: skip
+    name = least.latency.method
+    headings = [
+        "kernel, form", "median (us)", "p99.9 (us)", "largest (us)", "proved (%)",
+        "instructions (mean)", "code (bytes)", f"time over {name}", f"instructions over {name}",
+    ]  # fmt: skip
+    return Table(f"every kernel in every form, {least.latency.calls} scenes", headings, rows)
 
 
 def growth_figure(growths: Sequence[Growth]) -> Figure:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Final
 
 from workbench.cli.analysis_options import check_steps, count, positive
 from workbench.cli.common import (
@@ -26,8 +27,11 @@ EXAMPLE = """\
 workbench build --out out/bundle
 workbench build --vehicle my_shuttle.toml --horizon 3 --step 0.025 --out out/bundle
 workbench build --deciding FailSafe --deciding-level "two thirds" --out out/bundle
+workbench build --step 0.05 --kernel enclosed --form quadratic --out out/bundle
 """
 
+KERNELS: Final = ("local", "enclosed")
+FORMS: Final = ("linear", "quadratic")
 _WHOLE_S = 1e-9
 
 
@@ -44,6 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "done by then is not proved. 225 take about 1 ms and need a --step of 0.05 s to prove "
         "much, see docs/decision-benchmarks.md",
     )
+    _add_method_options(parser)
     parser.add_argument(
         "--deciding-level",
         default="whole",
@@ -55,6 +60,24 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="DIR", default=Path("out/bundle"),
         help="folder of the bundle (default: out/bundle)",
     )  # fmt: skip
+
+
+def _add_method_options(parser: argparse.ArgumentParser) -> None:
+    """Add `--kernel` and `--form`, by which every tube is computed."""
+    parser.add_argument(
+        "--kernel",
+        choices=KERNELS,
+        default=KERNELS[0],
+        help="how the tubes' rounding is proved: local, by a budget over the operating region; "
+        "enclosed, outward throughout, which takes more time (default: local)",
+    )
+    parser.add_argument(
+        "--form",
+        choices=FORMS,
+        default=FORMS[0],
+        help="order to which the tubes follow the initial deviations exactly; quadratic ones are "
+        "narrower and take more time, see docs/decision-benchmarks.md (default: linear)",
+    )
 
 
 def add_grid_options(parser: argparse.ArgumentParser) -> None:
@@ -102,11 +125,13 @@ def run(args: argparse.Namespace) -> int:
     _check_level(args.deciding_level)
     from workbench.codegen import MonitorSpec, build_bundle
     from workbench.codegen.bundle import BUDGET
+    from workbench.reach.online.kernels import Form, Method
     from workbench.runtime import load_bundle
 
     spec = MonitorSpec(
         chosen_vehicle(args), args.horizon, args.step, deciding=chosen_deciding(args),
         deciding_level=args.deciding_level, budget=args.budget or BUDGET,
+        method=Method(args.kernel, Form(args.form)),
     )  # fmt: skip
     with output_folder(args.out) as out:
         folder = build_bundle(spec, out)
@@ -115,8 +140,8 @@ def run(args: argparse.Namespace) -> int:
     text = (
         f"bundle for {manifest.name}: {manifest.steps} steps of {manifest.step_s:g} s, "
         f"rigor {manifest.rigor.name}, deciding: {manifest.deciding}, for the level "
-        f"{manifest.deciding_level!r}, kernel {size / 1024:.0f} kB for {manifest.machine}, "
-        f"{len(manifest.golden)} golden vectors repeated bit for bit\n{folder}"
+        f"{manifest.deciding_level!r}, tubes: {manifest.tubes}, kernel {size / 1024:.0f} kB for "
+        f"{manifest.machine}, {len(manifest.golden)} golden vectors repeated bit for bit\n{folder}"
     )
     emit(args, text, {
         "folder": str(folder), "name": manifest.name, "steps": manifest.steps,
@@ -125,6 +150,6 @@ def run(args: argparse.Namespace) -> int:
         "golden_vectors": len(manifest.golden), "deciding": manifest.deciding,
         "deciding_level": manifest.deciding_level,
         "levels": {level.name: level.share for level in manifest.levels},
-        "budget": manifest.budget,
+        "budget": manifest.budget, "tubes": manifest.tubes,
     })  # fmt: skip
     return 0

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import final
 
 from workbench import __version__
-from workbench.claims import Assumption, Rigor
+from workbench.claims import Rigor
+from workbench.codegen.assumptions import assumptions
 from workbench.codegen.compiler import Compiled, compile_shared
 from workbench.codegen.decision_header import decision_header
 from workbench.codegen.decision_source import DecisionSizes, decision_layout, decision_source
@@ -20,6 +21,8 @@ from workbench.errors import InputError
 from workbench.models.bicycle import PathFrame
 from workbench.models.system import Ode
 from workbench.models.vehicle import Vehicle
+from workbench.reach.online.kernels import LOCAL_LINEAR, Method
+from workbench.reach.ranged_parameters import with_ranged_parameters_as_disturbances
 from workbench.runtime.contents import NestedLevel
 from workbench.runtime.manifest import (
     CHECKED_FILES,
@@ -55,45 +58,6 @@ MOST_BUDGET = 10**6
 # A station is a place along the path: the path table limits it, not the proof.
 _STATIONS_M = (-1e6, 1e6)
 
-ASSUMPTIONS = (
-    Assumption(
-        "model", "the car moves as the kinematic bicycle under the bundle's control law",
-        "none yet: no conformance fit; slip, lag and slope are not covered",
-    ),
-    Assumption(
-        "estimation", "the controller reads the state without error, and nothing disturbs the car",
-        "none: no estimation error and no disturbance but the path's curvature enter the tube",
-    ),
-    Assumption(
-        "time", "the initial set holds at the stamp; BRAKE is commanded within the switch interval",
-        "age, check and sender are timed every cycle; TRACK's own delay is not in the tube",
-    ),
-    Assumption(
-        "brake", "BRAKE acts after the vehicle file's delay and build-up, decelerates within its "
-        "bounds, and the car does not roll back", "the vehicle file's provenance",
-    ),
-    Assumption(
-        "compiled code", "the compiler kept the operations of the generated C",
-        "flags without contraction or reassociation, golden vectors compared bit for bit",
-    ),
-    Assumption(
-        "floating point", "round to nearest, subnormal numbers kept",
-        "checked at loading and around every call",
-    ),
-    Assumption(
-        "rounding", "rounding, truncation and motion between instants are inside the tube",
-        "proved: a budget over the operating region, see docs/online-kernel.md",
-    ),
-    Assumption(
-        "people", "everybody stays in their guard; for LookAhead, in their intent tubes",
-        "guards: compared with every later observation; intent: the prediction's own model",
-    ),
-    Assumption(
-        "sight", "whoever may be hidden within the watched disc is among the people, as assumed",
-        "none: a stated limit; whoever fills the observation",
-    ),
-)  # fmt: skip
-
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -104,7 +68,8 @@ class MonitorSpec:
     step_s: grid of the tube, s (the horizon must be a whole number of steps). levels: nested sets
     as shares of the observation's radii, the largest (1) first; deciding_level: the name of the one
     whose SAFE permits TRACK, the others advise. deciding: whose TRACK counts. budget: most steps of
-    integration tried in one decision; what is not done by then is not proved.
+    integration tried in one decision; what is not done by then is not proved. method: kernel and
+    form that compute the tubes.
     """
 
     vehicle: Vehicle
@@ -114,6 +79,7 @@ class MonitorSpec:
     deciding_level: str = LEVELS[0].name
     deciding: Deciding = Deciding.BOTH
     budget: int = BUDGET
+    method: Method = LOCAL_LINEAR
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "deciding", Deciding.named(self.deciding))
@@ -151,18 +117,9 @@ class MonitorSpec:
     def sizes(self) -> DecisionSizes:
         """What the kernel is built for."""
         deciding = [level.name for level in self.levels].index(self.deciding_level)
-        return DecisionSizes(self.steps, self.step_s, len(self.levels), deciding, self.budget)
-
-
-def _initial_set(spec: MonitorSpec) -> Assumption:
-    share = next(each.share for each in spec.levels if each.name == spec.deciding_level)
-    part = "the true state lies in the observation's intervals"
-    if share < 1.0:
-        part += f", each cut to its inner {share:.3g} about its centre (a speed of 0 stays in)"
-    return Assumption(
-        "initial set", f"{part}: the level {spec.deciding_level!r}, share {share:.3g}, decides",
-        "whoever fills the observation",
-    )  # fmt: skip
+        return DecisionSizes(
+            self.steps, self.step_s, len(self.levels), deciding, self.budget, self.method
+        )
 
 
 def build_bundle(spec: MonitorSpec, folder: Path) -> Path:
@@ -207,7 +164,7 @@ def _replaceable(target: Path) -> bool:
 
 def bundle_files(spec: MonitorSpec) -> dict[str, bytes]:
     """The files of a bundle, name -> content."""
-    ode = spec.vehicle.closed_loop(spec.vehicle.track(), _ANY_CURVATURE).ode
+    ode = _track_loop(spec.vehicle)
     region = operating_region(spec.vehicle)
     source = decision_source(ode, spec.vehicle.brake.mode(), region, spec.sizes)
     compiled = compile_shared(source)
@@ -221,6 +178,12 @@ def bundle_files(spec: MonitorSpec) -> dict[str, bytes]:
     return files | {CHECKSUM_FILE: checksums_text(files).encode()}
 
 
+def _track_loop(vehicle: Vehicle) -> Ode:
+    """TRACK with all that the vehicle file is unsure of as disturbances."""
+    loop = vehicle.uncertain_loop(vehicle.track(), _ANY_CURVATURE)
+    return with_ranged_parameters_as_disturbances(loop.ode)
+
+
 def operating_region(vehicle: Vehicle) -> Box:
     """The vehicle's operating region over all path states (stations unlimited)."""
     region = vehicle.operation.region
@@ -230,11 +193,6 @@ def operating_region(vehicle: Vehicle) -> Box:
 
 def _manifest(spec: MonitorSpec, ode: Ode, compiled: Compiled) -> Manifest:
     brake, guard = spec.vehicle.brake, spec.vehicle.guard
-    bounds = BrakeBounds(
-        deceleration_min_mps2=brake.deceleration_min_mps2,
-        delay_s=brake.delay_s,
-        build_up_s=brake.build_up_s,
-    )
     query, result = decision_layout(ode, brake.mode(), spec.sizes)
     body, region = spec.vehicle.geometry, spec.vehicle.operation.region
     kernel, golden = golden_vectors(compiled.shared_object, query, result, spec, ode)
@@ -259,13 +217,36 @@ def _manifest(spec: MonitorSpec, ode: Ode, compiled: Compiled) -> Manifest:
         levels=spec.levels,
         deciding_level=spec.deciding_level,
         deciding=spec.deciding.value,
-        brake=bounds,
+        brake=brake_bounds(spec.vehicle),
         guard_speed_max_mps=guard.speed_max_mps,
         guard_accel_max_mps2=guard.accel_max_mps2,
         budget=spec.budget,
+        tubes=str(spec.method),
         rigor=Rigor.ENCLOSED,
-        assumptions=(_initial_set(spec), *ASSUMPTIONS),
+        assumptions=assumptions(spec),
         golden=golden,
+    )
+
+
+def brake_bounds(vehicle: Vehicle) -> BrakeBounds:
+    """What BRAKE does at least in spite of an acceleration disturbance w.
+
+    Until delay + build-up the speed grows by at most w (delay + build-up), then it falls by at
+    least d - w: as if the brake had d - w alone and came later by the time that this growth takes.
+    """
+    brake, push = vehicle.brake, vehicle.uncertainty.acceleration_mps2
+    if push == 0.0:
+        return BrakeBounds(
+            deceleration_min_mps2=brake.deceleration_min_mps2,
+            delay_s=brake.delay_s,
+            build_up_s=brake.build_up_s,
+        )
+    left = math.nextafter(brake.deceleration_min_mps2 - push, 0.0)
+    later = push * (brake.delay_s + brake.build_up_s) / left
+    return BrakeBounds(
+        deceleration_min_mps2=left,
+        delay_s=(brake.delay_s + later) * (1.0 + 2.0**-50),
+        build_up_s=brake.build_up_s,
     )
 
 

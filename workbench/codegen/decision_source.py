@@ -14,11 +14,14 @@ from workbench.codegen.online_source import OnlineSizes, online_source
 from workbench.codegen.separation_source import separation_text
 from workbench.controllers import VehicleBrake
 from workbench.models.stopping import (
+    ACCELERATION_DISTURBANCE,
     BRAKE_SPEED,
     BRAKING,
     FREE_STEERING,
     INTEGRAL_SHARE,
     INTEGRATING,
+    SPEED_ERROR,
+    STEERING_DISTURBANCE,
     STEERING_SHARE,
     TRACKING,
     stopping_loop,
@@ -134,6 +137,10 @@ def decision_source(track: Ode, brake: VehicleBrake, region: Box, sizes: Decisio
     ])  # fmt: skip
 
 
+def _index(names: Sequence[str], name: str) -> int:
+    return names.index(name) if name in names else -1
+
+
 def _macros(loop: Ode, sizes: DecisionSizes) -> dict[str, object]:
     names = loop.names
     p_names, w_names = (
@@ -147,6 +154,8 @@ def _macros(loop: Ode, sizes: DecisionSizes) -> dict[str, object]:
         "STEERING_SHARE": w_names.index(STEERING_SHARE), "STEERING": names.index("steering"),
         "INTEGRAL_SHARE": w_names.index(INTEGRAL_SHARE),
         "FREE_STEERING": w_names.index(FREE_STEERING),
+        "PUSH": _index(w_names, ACCELERATION_DISTURBANCE),
+        "MISREAD": _index(w_names, SPEED_ERROR), "TURN": _index(w_names, STEERING_DISTURBANCE),
         "RATE_MIN": p_names.index("steering_rate_min"),
         "RATE_MAX": p_names.index("steering_rate_max"),
         "TRACKING": p_names.index(TRACKING), "BRAKING": p_names.index(BRAKING),

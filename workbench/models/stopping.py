@@ -13,6 +13,15 @@ from workbench.models.system import Ode
 TRACKING, BRAKING, INTEGRATING = "tracking", "braking", "speed_integrating"
 BRAKE_SPEED, STEERING_SHARE = "brake_speed", "steering_share"
 INTEGRAL_SHARE, FREE_STEERING = "offset_integral_share", "free_steering_rate"
+SPEED_ERROR = "speed_estimate_error"
+ACCELERATION_DISTURBANCE = "acceleration_disturbance"
+STEERING_DISTURBANCE = "steering_rate_disturbance"
+MAY_DISTURB = frozenset({
+    "curvature", "wheelbase", "position_error_lateral", "heading_estimate_error", SPEED_ERROR,
+    ACCELERATION_DISTURBANCE, STEERING_DISTURBANCE,
+})  # fmt: skip
+"""What may disturb a loop: only the acceleration's disturbance changes the speed besides the
+commands, only the speed's estimate changes what BRAKE leaves of the steering."""
 
 
 def stopping_loop(track: Ode, *, speeds_mps: tuple[float, float]) -> Ode:
@@ -28,10 +37,11 @@ def stopping_loop(track: Ode, *, speeds_mps: tuple[float, float]) -> Ode:
     0, 1) in BRAKE. `free_steering_rate`, within the rate limits or 0, is added to the steering's
     rate: with `steering_share` = 0 it stands for whatever the steering may do within its limits.
     Every solution of the loop with `VehicleBrake`, under any of its decelerations, solves this one
-    for a = 0, b = 1, g = 0, brake_speed = max(0, speed), in all states but speed and clock. New
-    parameters and disturbances come after those of `track`. Raises InputError for a loop without
-    the states, commands and limits of a `Track` with a path, or one that anything but the path's
-    curvature disturbs: the bounds on speed and share would have to know it.
+    for a = 0, b = 1, g = 0, brake_speed = max(0, speed), in all states but speed and clock. A
+    disturbance of the steering's rate is not scaled. New parameters and disturbances come after
+    those of `track`. Raises InputError for a loop without the states, commands and limits of a
+    `Track` with a path, or one that anything disturbs which is not in `MAY_DISTURB`: the bounds on
+    speed and share would have to know it.
     """
     _check(track)
     tracking, braking, integrating = map(ca.SX.sym, (TRACKING, BRAKING, INTEGRATING))
@@ -42,9 +52,16 @@ def stopping_loop(track: Ode, *, speeds_mps: tuple[float, float]) -> Ode:
         "speed": tracking, "speed_integral": integrating, "steering": share,
         "offset_integral": integral_share,
     }  # fmt: skip
+    turning = ca.vertcat(*(
+        symbol
+        for disturbance, symbol in zip(track.disturbances, ca.vertsplit(track.w), strict=True)
+        if disturbance.name == STEERING_DISTURBANCE
+    ))  # fmt: skip
+    commanded = ca.substitute(track.field, turning, ca.SX.zeros(turning.shape))
+    added = {"steering": free + ca.sum1(turning)}
     scaled = [
-        scales.get(name, ca.SX(1)) * rate + (free if name == "steering" else 0)
-        for name, rate in zip(track.names, ca.vertsplit(track.field), strict=True)
+        scales.get(name, ca.SX(1)) * rate + added.get(name, ca.SX(0))
+        for name, rate in zip(track.names, ca.vertsplit(commanded), strict=True)
     ]
     moving = tracking * own + braking * exogenous
     field = ca.cse(ca.substitute(ca.vertcat(*scaled), own, moving))
@@ -79,9 +96,9 @@ def _check(track: Ode) -> None:
     missing = (_STATES | _PARAMETERS) - known
     if missing:
         raise InputError(f"expected a loop of plant and PIDs, {track.name} lacks {sorted(missing)}")
-    more = sorted({disturbance.name for disturbance in track.disturbances} - {"curvature"})
+    more = sorted({disturbance.name for disturbance in track.disturbances} - MAY_DISTURB)
     if more:
         raise InputError(
-            f"expected a loop that only the path's curvature disturbs, {track.name} has {more}; "
-            "build it without estimation error and disturbance"
+            f"expected a loop that only {', '.join(sorted(MAY_DISTURB))} disturb, {track.name} has "
+            f"{more}; the bounds on the speed while braking do not know them"
         )

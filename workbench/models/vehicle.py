@@ -26,10 +26,13 @@ from workbench.models.vehicle_sections import (
     Operation,
     SpeedGains,
     SteeringGains,
+    Uncertainty,
 )
 from workbench.sets import Box
 
-_Section = TypeVar("_Section", Geometry, Limits, SteeringGains, SpeedGains, Guard, Brake)
+_Section = TypeVar(
+    "_Section", Geometry, Limits, SteeringGains, SpeedGains, Guard, Brake, Uncertainty
+)
 
 
 @final
@@ -53,8 +56,10 @@ class Vehicle:
     initial_set_provenance: str
     guard: Guard
     brake: Brake
+    uncertainty: Uncertainty = dataclasses.field(default_factory=Uncertainty)
 
     def __post_init__(self) -> None:
+        self._check_uncertainty()
         for name in REGION_KEYS.values():
             low, high = self.operation.region.interval(name)
             start_low, start_high = self.initial_set.interval(name)
@@ -62,6 +67,20 @@ class Vehicle:
                 raise InputError(
                     f"initial_set: expected {name} inside the operating region [{low}, {high}], "
                     f"got [{start_low}, {start_high}]; shrink the set or widen the region"
+                )
+
+    def _check_uncertainty(self) -> None:
+        for key, below, why in (
+            ("wheelbase_m", self.geometry.wheelbase_m, "the wheelbase itself"),
+            ("acceleration_mps2", self.brake.deceleration_min_mps2,
+             "[brake] deceleration_min_mps2, or the car would not stand still"),
+            ("speed_mps", self.brake.stop_speed_mps,
+             "[brake] stop_speed_mps, or a standing car would steer"),
+        ):  # fmt: skip
+            value = getattr(self.uncertainty, key)
+            if not value < below:
+                raise InputError(
+                    f"[uncertainty] {key}: expected less than {below!r} ({why}), got {value!r}"
                 )
 
     def with_geometry(self, geometry: Geometry, *, name: str) -> Vehicle:
@@ -108,6 +127,17 @@ class Vehicle:
             estimation_error=estimation_error or EstimationError(),
             disturbance=disturbance or Disturbance(),
             parameter_ranges=parameter_ranges or {},
+        )
+
+    def uncertain_loop(self, mode: Mode, frame: Frame) -> ClosedLoop:
+        """The loop with all that the vehicle file is unsure of."""
+        unsure = self.uncertainty
+        return self.closed_loop(
+            mode,
+            frame,
+            estimation_error=unsure.estimation_error(),
+            disturbance=unsure.disturbance(),
+            parameter_ranges=unsure.parameter_ranges(self.geometry),
         )
 
 
@@ -157,8 +187,8 @@ def _vehicle(document: Mapping[str, object]) -> Vehicle:
         "guard",
         "brake",
     )
-    _require_keys("the file", document, sections, what="section")
-    tables = {name: _table(name, document[name]) for name in sections}
+    _require_keys("the file", document, sections, ("uncertainty",), what="section")
+    tables = {name: _table(name, value) for name, value in document.items()}
     _require_keys("[vehicle]", tables["vehicle"], ("name", "provenance"))
     initial_set = tables["initial_set"]
     _require_keys("[initial_set]", initial_set, ("center", "radius", "provenance"))
@@ -174,13 +204,18 @@ def _vehicle(document: Mapping[str, object]) -> Vehicle:
         initial_set_provenance=_text("[initial_set]", "provenance", initial_set),
         guard=_section(Guard, "guard", tables["guard"]),
         brake=_section(Brake, "brake", tables["brake"]),
+        uncertainty=_section(Uncertainty, "uncertainty", tables["uncertainty"])
+        if "uncertainty" in tables
+        else Uncertainty(),
     )
 
 
 def _require_keys(
-    where: str, table: Mapping[str, object], expected: Iterable[str], *, what: str = "key"
-) -> None:
-    known = tuple(expected)
+    where: str, table: Mapping[str, object], expected: Iterable[str],
+    optional: Iterable[str] = (), *, what: str = "key",
+) -> None:  # fmt: skip
+    required = tuple(expected)
+    known = (*required, *optional)
     for key in table:
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1, cutoff=0.0)[0]
@@ -188,7 +223,7 @@ def _require_keys(
                 f"unknown {what} {key!r} in {where}; the nearest known one is {near!r}. "
                 f"Rename or remove it; {where} has {', '.join(known)}"
             )
-    missing = [key for key in known if key not in table]
+    missing = [key for key in required if key not in table]
     if missing:
         raise InputError(f"{where} lacks the {what} {', '.join(missing)}; add it")
 
@@ -217,9 +252,13 @@ def _number(where: str, key: str, value: object) -> float:
 
 def _section(kind: type[_Section], name: str, table: Mapping[str, object]) -> _Section:
     where = f"[{name}]"
-    keys = [item.name for item in dataclasses.fields(kind)]
-    _require_keys(where, table, keys)
-    numbers = {key: _number(where, key, table[key]) for key in keys if key != "provenance"}
+    fields = dataclasses.fields(kind)
+    optional = [
+        item.name for item in fields
+        if item.default is not dataclasses.MISSING and item.name != "provenance"
+    ]  # fmt: skip
+    _require_keys(where, table, [i.name for i in fields if i.name not in optional], optional)
+    numbers = {key: _number(where, key, table[key]) for key in table if key != "provenance"}
     provenance = _text(where, "provenance", table)
     try:
         return kind(**numbers, provenance=provenance)

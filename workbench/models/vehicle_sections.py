@@ -8,6 +8,7 @@ from typing import final
 
 from workbench.controllers import VehicleBrake
 from workbench.errors import InputError
+from workbench.models.closed_loop import Disturbance, EstimationError
 from workbench.sets import Box
 
 STATE_KEYS = {
@@ -145,3 +146,43 @@ class Guard:
 
     def __post_init__(self) -> None:
         _require_positive(self, "speed_max_mps", "accel_max_mps2")
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """What bundles take the loop to be unsure of; every key may be left out and is 0 then.
+
+    N: errors (magnitudes) of what the controller reads: lateral_m, heading_rad, speed_mps. W: what
+    acts on the car besides the commands: acceleration_mps2, steering_rate_radps. wheelbase_m: by
+    how much the geometry's wheelbase may be wrong.
+    """
+
+    lateral_m: float = 0.0
+    heading_rad: float = 0.0
+    speed_mps: float = 0.0
+    acceleration_mps2: float = 0.0
+    steering_rate_radps: float = 0.0
+    wheelbase_m: float = 0.0
+    provenance: str = "assumed to be none"
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.wheelbase_m < math.inf:
+            raise InputError(f"wheelbase_m: expected a number >= 0, got {self.wheelbase_m!r}")
+        self.estimation_error()
+        self.disturbance()
+
+    def estimation_error(self) -> EstimationError:
+        """The set N."""
+        return EstimationError(self.lateral_m, self.heading_rad, self.speed_mps)
+
+    def disturbance(self) -> Disturbance:
+        """The set W."""
+        return Disturbance(self.acceleration_mps2, self.steering_rate_radps)
+
+    def parameter_ranges(self, geometry: Geometry) -> dict[str, tuple[float, float]]:
+        """Ranges of the loop's parameters about their values."""
+        if self.wheelbase_m == 0.0:
+            return {}
+        least = geometry.wheelbase_m - self.wheelbase_m
+        return {"wheelbase": (least, geometry.wheelbase_m + self.wheelbase_m)}

@@ -3,6 +3,7 @@ correlation with the state."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable
 
 import casadi as ca
@@ -35,6 +36,26 @@ def with_ranged_parameters_as_states(ode: Ode) -> Ode:
         field=ca.vertcat(ode.field, ca.SX.zeros(len(ranged))),
         outputs=ode.outputs,
         constants=(*ode.constants, *(ode.parameters[i] for i in ranged)),
+    )
+
+
+def with_ranged_parameters_as_disturbances(ode: Ode) -> Ode:
+    """Append every parameter with lower < upper to the disturbances.
+
+    A disturbance may change at any time, which a parameter cannot: every solution of `ode` for any
+    of its parameter values is one of the result.
+    """
+    ranged = [i for i, q in enumerate(ode.parameters) if q.lower < q.upper]
+    if not ranged:
+        return ode
+    fixed = [i for i in range(len(ode.parameters)) if i not in ranged]
+    symbols = ca.vertsplit(ode.p)
+    return dataclasses.replace(
+        ode,
+        parameters=tuple(ode.parameters[i] for i in fixed),
+        disturbances=(*ode.disturbances, *(ode.parameters[i] for i in ranged)),
+        p=ca.vertcat(*(symbols[i] for i in fixed)) if fixed else ca.SX(0, 1),
+        w=ca.vertcat(ode.w, *(symbols[i] for i in ranged)),
     )
 
 

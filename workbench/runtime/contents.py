@@ -164,7 +164,8 @@ class Manifest:
     share 1; deciding_level: the one whose SAFE counts; deciding: whose TRACK counts, a value of
     `Deciding`. brake: what BRAKE does at least. guard_speed_max_mps, guard_accel_max_mps2: what
     nobody exceeds, those who are not seen included. budget: most attempted steps of integration in
-    one call. golden: at least one recorded call.
+    one call. tubes: kernel and form that compute them, such as "local, linear". golden: at least
+    one recorded call.
     """
 
     name: str
@@ -189,6 +190,7 @@ class Manifest:
     guard_speed_max_mps: float
     guard_accel_max_mps2: float
     budget: int
+    tubes: str
     rigor: Rigor
     assumptions: tuple[Assumption, ...]
     golden: tuple[Golden, ...]
@@ -229,6 +231,8 @@ class Manifest:
             raise _refuse(f"guard: expected finite limits > 0, got {limits!r}")
         if self.budget < 1:
             raise _refuse(f"budget: expected at least 1 step, got {self.budget}")
+        if not self.tubes:
+            raise _refuse("tubes: expected kernel and form, such as 'local, linear', got ''")
 
     def _check_golden(self) -> None:
         if not self.golden:

@@ -70,6 +70,9 @@ static int wb_sane_query(const double *q) {
   if (q[WB_Q_START_S + 1] > 0.0 && q[WB_Q_BRAKE_S] > 0.0) return 0;
   if (!(q[WB_Q_BRAKE + WB_BRAKE_LEAST] > 0.0 && q[WB_Q_BRAKE + WB_BRAKE_MOST] >= q[WB_Q_BRAKE])) return 0;
   if (!(q[WB_Q_BRAKE + WB_BRAKE_DELAY] >= 0.0 && q[WB_Q_BRAKE + WB_BRAKE_BUILD_UP] >= 0.0)) return 0;
+  /* A standstill lasts, and the steering rests in it. */
+  if (WB_MISREAD >= 0 && !(q[WB_Q_DISTURBANCE_UPPER + WB_MISREAD] <= q[WB_Q_BRAKE + WB_BRAKE_STOP_SPEED])) return 0;
+  if (WB_PUSH >= 0 && !(q[WB_Q_DISTURBANCE_UPPER + WB_PUSH] < q[WB_Q_BRAKE + WB_BRAKE_LEAST])) return 0;
   return q[WB_Q_BRAKE + WB_BRAKE_STOP_SPEED] > 0.0;
 }
 
@@ -308,10 +311,14 @@ static int wb_report(const wb_case *c, const wb_cell *cell, int level, int tubes
   return 0;
 }
 
-/* A motion that begins after a standstill begins with the speed's integral at 0. */
-static void wb_reset(wb_cell *cell) {
-  const double center = cell->center[WB_SPEED_INTEGRAL];
+/* A motion that begins after a standstill begins with the speed's integral at 0, and with wheels that may
+ * have turned until then if anything disturbs them. */
+static void wb_reset(const wb_case *c, wb_cell *cell) {
+  const double center = cell->center[WB_SPEED_INTEGRAL], wait = c->order.held_upper;
+  double turn[2], *steering = cell->radius + WB_STEERING;
+  wb_felt(c->q, WB_TURN, turn);
   cell->radius[WB_SPEED_INTEGRAL] = wb_max(cell->radius[WB_SPEED_INTEGRAL], fabs(center));
+  if (turn[0] < 0.0 || turn[1] > 0.0) *steering = (*steering + wb_max(-turn[0], turn[1]) * wait) * WB_UP;
 }
 
 /* Whether the level is proved, as a whole or in cells; the deciding level, and what settles it, is
@@ -321,7 +328,7 @@ static int wb_settle_level(wb_case *c, wb_cell *cells, int level, double *r) {
   int count;
   memcpy(cells->center, c->center[level], sizeof cells->center);
   memcpy(cells->radius, c->radius[level], sizeof cells->radius);
-  if (c->order.held_upper > 0.0) wb_reset(cells);
+  if (c->order.held_upper > 0.0) wb_reset(c, cells);
   cells->substeps = 1;
   wb_run_cell(c, cells, decides);
   if (level > WB_DECIDING) return wb_proved(c, cells);

@@ -28,6 +28,7 @@ typedef struct {
   int prepared, braking;
   int free; /* whether the steering may do anything within its limits */
   double brake_from, brake_lower, brake_upper; /* speeds at the first instant of the switch */
+  double push[2], misread[2], turn[2];         /* what disturbs acceleration, speed reading, steering rate */
   double low, high;                            /* speeds during the step */
 } wb_drive;
 
@@ -45,7 +46,8 @@ static double wb_slowest(const wb_drive *d, double t) {
   const double tracked = wb_min(t, d->order->switch_upper) - d->brake_from;
   const double braked = wb_braked(d, t - d->order->switch_lower, 1);
   const double least = wb_min(d->q[WB_Q_PARAMETERS + WB_ACCEL_MIN], 0.0);
-  return d->brake_lower + least * tracked - d->q[WB_Q_BRAKE + WB_BRAKE_MOST] * braked - WB_SPEED_ROUNDING;
+  const double commanded = least * tracked - d->q[WB_Q_BRAKE + WB_BRAKE_MOST] * braked;
+  return d->brake_lower + commanded + wb_min(d->push[0], 0.0) * (t - d->brake_from) - WB_SPEED_ROUNDING;
 }
 
 /* How fast the car can be at t. */
@@ -53,13 +55,21 @@ static double wb_fastest(const wb_drive *d, double t) {
   const double tracked = wb_min(t, d->order->switch_upper) - d->brake_from;
   const double braked = wb_braked(d, t - d->order->switch_upper, -1);
   const double most = wb_max(d->q[WB_Q_PARAMETERS + WB_ACCEL_MAX], 0.0);
-  const double v = d->brake_upper + most * tracked - d->q[WB_Q_BRAKE + WB_BRAKE_LEAST] * braked;
+  const double commanded = most * tracked - d->q[WB_Q_BRAKE + WB_BRAKE_LEAST] * braked;
+  const double v = d->brake_upper + commanded + wb_max(d->push[1], 0.0) * (t - d->brake_from);
   return wb_max(v + WB_SPEED_ROUNDING, 0.0);
+}
+
+/* From when on the car cannot become faster any more: what pushes it does so until the brake holds it. */
+static double wb_peak(const wb_drive *d) {
+  const double *brake = d->q + WB_Q_BRAKE;
+  const double held = brake[WB_BRAKE_DELAY] + 0.5 * brake[WB_BRAKE_BUILD_UP];
+  return d->order->switch_upper + (d->push[1] > 0.0 ? held : 0.0);
 }
 
 /* Whether the car stands from t on, whenever it was told to brake. */
 static int wb_stands(const wb_drive *d, double t) {
-  return d->braking && t >= d->order->switch_upper && wb_fastest(d, t) <= 0.0;
+  return d->braking && t >= wb_peak(d) && wb_fastest(d, t) <= 0.0;
 }
 
 /* Share of the steering that BRAKE leaves at speed v. */
@@ -88,16 +98,16 @@ static void wb_obey(wb_drive *d, double t, double h, double *share) {
     d->braking = 1;
     d->brake_from = t;
     d->brake_lower = d->s.now->lower[WB_SPEED];
-    d->brake_upper = d->s.now->upper[WB_SPEED];
+    d->brake_upper = wb_max(d->s.now->upper[WB_SPEED], 0.0); /* a car that is pushed starts from 0 at least */
     wb_switch(d, WB_TRACKING, 0.0);
     wb_switch(d, WB_BRAKING, 1.0);
   }
   wb_switch(d, WB_INTEGRATING, waits ? 1.0 : 0.0);
   d->low = wb_slowest(d, t + h);
   if (!waits) d->low = wb_max(d->low, 0.0);
-  d->high = wb_fastest(d, wb_max(t, wb_min(order->switch_upper, t + h)));
-  share[0] = wb_max(wb_steering_share(d, d->low) - WB_SPEED_ROUNDING, 0.0);
-  if (!waits) share[1] = wb_min(wb_steering_share(d, d->high) + WB_SPEED_ROUNDING, 1.0);
+  d->high = wb_fastest(d, wb_max(t, wb_min(wb_peak(d), t + h)));
+  share[0] = wb_max(wb_steering_share(d, d->low + d->misread[0]) - WB_SPEED_ROUNDING, 0.0);
+  if (!waits) share[1] = wb_min(wb_steering_share(d, d->high + d->misread[1]) + WB_SPEED_ROUNDING, 1.0);
 }
 
 #define WB_LETS_GO 0.5 /* chosen by width: between 0.25 and 1 it makes little difference */
@@ -184,12 +194,21 @@ static int wb_drive_row(wb_drive *d, double t, int substeps, long *spent, long m
   return WB_COMPLETE;
 }
 
-/* The row of a car that stands: nothing moves any more. */
+/* The row of a car that stands: nothing moves any more, but for a steering that is disturbed (as far as it
+ * comes within all rows). */
 static void wb_stand(const wb_drive *d, double *lower, double *upper) {
   memcpy(lower, d->s.now->lower, WB_N * sizeof *lower);
   memcpy(upper, d->s.now->upper, WB_N * sizeof *upper);
   lower[WB_SPEED] = upper[WB_SPEED] = 0.0;
   lower[WB_SPEED_INTEGRAL] = upper[WB_SPEED_INTEGRAL] = 0.0;
+  lower[WB_STEERING] += wb_min(d->turn[0], 0.0) * (WB_ROWS * WB_STEP * WB_UP);
+  upper[WB_STEERING] += wb_max(d->turn[1], 0.0) * (WB_ROWS * WB_STEP * WB_UP);
+}
+
+/* Range of a disturbance that a loop may lack. */
+static void wb_felt(const double *q, int disturbance, double *range) {
+  range[0] = disturbance < 0 ? 0.0 : q[WB_Q_DISTURBANCE_LOWER + disturbance];
+  range[1] = disturbance < 0 ? 0.0 : q[WB_Q_DISTURBANCE_UPPER + disturbance];
 }
 
 static void wb_depart(wb_drive *d, const double *center, const double *radius, double *work) {
@@ -200,5 +219,8 @@ static void wb_depart(wb_drive *d, const double *center, const double *radius, d
   p[WB_INTEGRATING] = 1.0;
   d->prepared = d->braking = d->free = 0;
   d->brake_from = d->brake_lower = d->brake_upper = d->low = d->high = 0.0;
+  wb_felt(d->q, WB_PUSH, d->push);
+  wb_felt(d->q, WB_MISREAD, d->misread);
+  wb_felt(d->q, WB_TURN, d->turn);
   wb_start(&d->s, center, radius, p, work);
 }

@@ -240,6 +240,7 @@ static int wb_line_holds(const wb_set *s, int i, double low, double high) {
   const double points[4] = {low, wb_min(wb_max(low, floor_), high), wb_max(wb_min(high, ceiling), low), high};
   double most = 0.0;
   int j;
+  if (!(low <= high)) return 0;
   if (low > s->guess_low[i] && high < s->guess_high[i]) return 1;
   if (!(s->gap[i] > 0.0)) {
     if (slope > 0.0) return low >= floor_ && high <= ceiling;
@@ -968,7 +969,10 @@ static int wb_prepare(wb_set *s) {
   int i;
   if (wb_limits(arg, res, 0, scratch, 0)) return WB_NO_ENCLOSURE;
   if (!wb_finite(s->floor, WB_NK) || !wb_finite(s->ceiling, WB_NK)) return WB_NO_ENCLOSURE;
-  for (i = 0; i < WB_NK; ++i) s->slope[i] = 1.0;
+  for (i = 0; i < WB_NK; ++i) {
+    if (!(s->floor[i] <= s->ceiling[i])) return WB_NO_ENCLOSURE;
+    s->slope[i] = 1.0;
+  }
   s->derived = s->ranged = 0;
   if (wb_driver_ranges(s, s->now, s->g, s->q, lower, upper)) return WB_NO_ENCLOSURE;
   for (i = 0; i < WB_NK; ++i) {

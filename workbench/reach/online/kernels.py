@@ -42,7 +42,7 @@ deviations are followed to second order (none: the linear form)."""
 @final
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A kernel by name (of `KERNELS`) in one form. InputError for another name."""
+    """A kernel by name (of `KERNELS`) in one form. InputError for anything else."""
 
     kernel: str = "local"
     form: Form = Form.LINEAR
@@ -52,6 +52,8 @@ class Method:
             raise InputError(
                 f"no online kernel {self.kernel!r}; expected one of {', '.join(KERNELS)}"
             )
+        if not isinstance(self.form, Form):
+            raise InputError(f"expected a Form, Form.LINEAR or Form.QUADRATIC, got {self.form!r}")
 
     def __str__(self) -> str:
         return f"{self.kernel}, {self.form.value}"

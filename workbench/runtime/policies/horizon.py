@@ -20,8 +20,9 @@ GRAIN_S = 1e-6
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrakeBounds:
     """What BRAKE is known to do: full braking, at least deceleration_min_mps2, builds up within
-    build_up_s (s) after at most delay_s (s). Raises InputError unless the first is > 0, the others
-    >= 0."""
+    build_up_s (s) after at most delay_s (s), and until then the car keeps its speed. Where the
+    acceleration is disturbed these are the numbers of an undisturbed brake that is as late. Raises
+    InputError unless the first is > 0, the others >= 0."""
 
     deceleration_min_mps2: float
     delay_s: float
