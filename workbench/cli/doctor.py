@@ -44,7 +44,7 @@ PACKAGES: Final = {
     "study": ("dask", "optuna", "pyarrow"),
     "perception": ("onnxruntime",),
     "commonroad": ("commonroad-io",),
-    "dev": ("pytest", "hypothesis", "ruff", "mypy", "import-linter", "python-flint"),
+    "dev": ("pytest", "hypothesis", "ruff", "mypy", "import-linter", "python-flint", "cantools"),
 }
 # numpy, scipy and matplotlib come with many other things and tell nothing.
 _TELLS_ANALYSIS: Final = ("casadi", "control", "cvxpy", "clarabel", "filterpy")

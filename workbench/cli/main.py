@@ -30,6 +30,7 @@ COMMANDS: Final = {
     "campaign": "attack tubes with trajectories of random loops",
     "new": "write a runnable example of a model, a vehicle or a study",
     "doctor": "show what this machine has and what is missing",
+    "can": "decode a log of CAN frames",
     "replay": "run a monitor bundle over a recording",
     "demo": "run the whole chain on a generated crossing and write a report",
 }
