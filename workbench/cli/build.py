@@ -45,7 +45,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=count,
         metavar="N",
         help="most steps of integration that one decision may try (default: 3000); what is not "
-        "done by then is not proved. 200 take less than 1 ms and need a --step of 0.05 s to "
+        "done by then is not proved. 200 take about 1 ms and need a --step of 0.05 s to "
         "prove much, see docs/decision-benchmarks.md",
     )
     _add_method_options(parser)
