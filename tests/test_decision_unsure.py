@@ -46,10 +46,7 @@ _RUNS = 48
 # A step in which the car comes to a standstill is wrong by about its square.
 _TOLERANCE = 1e-5
 _AT_ONCE = (0.0, 0.0)
-UNSURE = {
-    "readings": Uncertainty(0.05, 0.02, 0.15),
-    "all": Uncertainty(0.03, 0.01, 0.1, 0.4, 0.02, 0.1),
-}
+_ALL = {"all": Uncertainty(0.04, 0.015, 0.15, 0.3, 0.02, 0.1)}
 
 
 # So much that every sign of it shows.
@@ -59,7 +56,7 @@ _TELLING = {"telling": Uncertainty(0.0, 0.0, 0.5, 0.2, 0.02)}
 def _vehicle(name: str) -> Vehicle:
     vehicle = gem_e2()
     brake = dataclasses.replace(vehicle.brake, stop_speed_mps=0.6 if name in _TELLING else 0.2)
-    return dataclasses.replace(vehicle, brake=brake, uncertainty=(UNSURE | _TELLING)[name])
+    return dataclasses.replace(vehicle, brake=brake, uncertainty=(_ALL | _TELLING)[name])
 
 
 @functools.cache
@@ -250,8 +247,8 @@ def _excess(tube: TubeAnswer, seen: Array) -> Array:
 _HELD = {"switch_s": (0.25, 0.285), "start_s": (0.05, 0.085)}
 _CASES = [
     *(
-        Case(name, *scene, switch_s=switch_s)
-        for name, switch_s in (("readings", (0.15, 0.185)), ("all", (0.0, 0.3)))
+        Case("all", *scene, switch_s=switch_s)
+        for switch_s in ((0.15, 0.185), (0.0, 0.3))
         for scene in (
             ("straight", STARTS["initial set"]), ("S", STARTS["accelerating"].scaled(0.3)),
             ("right", STARTS["point"]),
@@ -260,7 +257,6 @@ _CASES = [
     *(Case("all", "left", STARTS["standing"], side=side, **_HELD) for side in (-1, 0, 1)),
     *(Case("all", "straight", STARTS["point"], side=side) for side in (-1, 1)),
     Case("all", "straight", _RESTING, (0.7, 0.75), (0.5, 0.55)),
-    Case("readings", "straight", STARTS["standing"], **_HELD),
 ]  # fmt: skip
 
 
