@@ -6,7 +6,7 @@ import ctypes
 import dataclasses
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +26,7 @@ from decision_fixture import (
     query,
     with_faults,
 )
-from decision_paths import ExactPath, paths
+from decision_paths import paths
 from numpy.typing import NDArray
 
 pytest.importorskip("casadi", reason="needs the optional package casadi")
@@ -113,7 +113,10 @@ class Case:
             for w in _loop(self.name, braking=braking).disturbances
         ]  # fmt: skip
 
-    def answer(self, kernel: DecisionKernel | None = None) -> Answer:
+    def answer(
+        self, kernel: DecisionKernel | None = None, /, **changed: tuple[float, ...]
+    ) -> Answer:
+        """What the kernel answers; `changed` replaces fields of the query."""
         track, start, text = _loop(self.name, braking=False), self.start, _text(self.name)
         parameters = [
             start.reference_mps if p.name == "reference_speed" else p.nominal
@@ -126,11 +129,11 @@ class Case:
             for field in text.query
             if field.name == f"disturbance_{side}"
         ]
-        numbers = query(
-            paths()[self.where].table, start, (), text.query, parameters=parameters,
-            disturbance_lower=ends[0], disturbance_upper=ends[1], switch_s=self.switch_s,
-            brake_s=self.brake_s, start_s=self.start_s,
-        )  # fmt: skip
+        asked: dict[str, Sequence[float]] = {
+            "parameters": parameters, "disturbance_lower": ends[0], "disturbance_upper": ends[1],
+            "switch_s": self.switch_s, "brake_s": self.brake_s, "start_s": self.start_s,
+        }  # fmt: skip
+        numbers = query(paths()[self.where].table, start, (), text.query, **(asked | changed))
         return (kernel or _kernel(self.name))(numbers)
 
 
@@ -333,31 +336,20 @@ def test_some_run_leaves_the_rows_of_a_faulty_kernel(name: str) -> None:
     assert _caught(list(FAULTS).index(name) + 1) > 2 * _TOLERANCE
 
 
-def _answer(name: str, path: ExactPath, start: Start, **changed: tuple[float, ...]) -> Answer:
-    track = _loop(name, braking=False)
-    parameters = [
-        start.reference_mps if p.name == "reference_speed" else p.nominal for p in track.parameters
-    ]
-    numbers = query(path.table, start, (), _text(name).query, parameters=parameters, **changed)
-    return _kernel(name)(numbers)
-
-
 def test_a_query_may_narrow_what_disturbs_and_widening_is_invalid() -> None:
-    path, start = paths()["straight"], STARTS["point"]
-    text = _text("telling")
+    case, text = Case("telling", "straight", STARTS["point"]), _text("telling")
     upper = next(f for f in text.query if f.name == "disturbance_upper").default or ()
     lower = next(f for f in text.query if f.name == "disturbance_lower").default or ()
-    whole = _answer("telling", path, start).stop
-    calm = _answer(
-        "telling", path, start, disturbance_lower=(0.0,) * len(lower),
-        disturbance_upper=(0.0,) * len(upper),
-    ).stop  # fmt: skip
+    whole = case.answer().stop
+    calm = case.answer(
+        disturbance_lower=(0.0,) * len(lower), disturbance_upper=(0.0,) * len(upper)
+    ).stop
     assert whole.status == calm.status == COMPLETE
     gap = [t.rows("upper", 7)[-1] - t.rows("lower", 7)[-1] for t in (whole, calm)]
     assert (gap[1][:5] < 0.9 * gap[0][:5])[[0, 2]].all()
     for k in range(len(upper)):
         wider = [2.0 * w if i == k else w for i, w in enumerate(upper)]
-        status = _answer("telling", path, start, disturbance_upper=tuple(wider)).stop.status
+        status = case.answer(disturbance_upper=tuple(wider)).stop.status
         # The kernel sets the curvature and what stands for braking itself.
         felt = k < len(_loop("telling", braking=False).disturbances)
         named = felt and _loop("telling", braking=False).disturbances[k].name != "curvature"
@@ -366,9 +358,9 @@ def test_a_query_may_narrow_what_disturbs_and_widening_is_invalid() -> None:
 
 def test_what_would_move_a_standing_car_is_invalid() -> None:
     """Kernels for more than the brake can hold, or than the stop speed, are never asked so."""
-    path, start = paths()["straight"], STARTS["point"]
+    case = Case("telling", "straight", STARTS["point"])
     brake = next(f for f in _text("telling").query if f.name == "brake").default or ()
-    assert _answer("telling", path, start, brake=tuple(brake)).stop.status == COMPLETE
+    assert case.answer(brake=tuple(brake)).stop.status == COMPLETE
     weak, early = (0.19, *brake[1:]), (*brake[:4], 0.49)
     for changed in (weak, early):
-        assert _answer("telling", path, start, brake=changed).stop.verdict == INVALID
+        assert case.answer(brake=changed).stop.verdict == INVALID
