@@ -65,8 +65,8 @@ def test_a_known_state_costs_a_few_centimetres_in_the_first_segment(
     # Two ends of the body move 0.05 s * 2.8 m/s / 2 from the middle of the segment.
     over_length = half_length - (BODY[0] + BODY[1]) / 2 - 0.07
     over_width = half_width - BODY[2]
-    record_property("over_length_m", over_length)
-    record_property("over_width_m", over_width)
+    record_property("over_length_m", float(over_length))
+    record_property("over_width_m", float(over_width))
     assert 0.0 <= over_length < most_m
     assert 0.0 <= over_width < most_m
 

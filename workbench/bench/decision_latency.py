@@ -59,11 +59,9 @@ def latency(sizes: DecisionSizes, calls: Calls, usual: Calls | None) -> Latency:
 
 
 def chosen_budget(sweep: Sequence[Latency]) -> int | None:
-    """The largest budget whose 99.9th percentile keeps the limit; None where none does.
-
-    Of the quicker of two calls: what other programs take says nothing of a budget.
-    """
-    fitting = [row.budget for row in sweep if row.quickest_us[1] <= LIMIT_US]
+    """The largest budget with which 99.9 % of the calls as they came keep the limit; None where
+    none does."""
+    fitting = [row.budget for row in sweep if row.p999_us <= LIMIT_US]
     return max(fitting, default=None)
 
 

@@ -18,10 +18,10 @@ END: Final = "<!-- figures of the decision board: end -->"
 
 PEOPLE: Final = (0, 1, 2, 4, 8, 16, 32)
 HORIZONS_S: Final = (1.0, 2.0, 3.0, 4.0, 5.0)
-BUDGETS: Final = (150, 200, 225, 250, 275, 300, 400, 600, 1000)
+BUDGETS: Final = (150, 180, 200, 225, 250, 275, 300, 400, 600, 1000)
 _CALLS: Final = 100_000
 _CALLS_QUICK: Final = 3_000
-_BUDGETS_QUICK: Final = (150, 200, 225, 250, 300, 1000)
+_BUDGETS_QUICK: Final = (150, 180, 200, 225, 250, 300, 1000)
 _PLAIN: Final = 300
 
 

@@ -30,7 +30,9 @@ PRELUDE = """\
 #include <string.h>
 
 /* A second copy of one loop for wider registers, chosen when the object is loaded. Columns are
- * independent and nothing is contracted, so both copies give the same bits. */
+ * independent and nothing is contracted, so both copies give the same bits. Only for functions that
+ * call none of this file: GCC 12 forgets to clear the wide registers behind a call between two such
+ * copies, and the next narrow instruction then waits for some 150 cycles. */
 #if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__linux__)
 #define WB_WIDE __attribute__((target_clones("avx2", "default")))
 #else

@@ -443,7 +443,7 @@ WB_WIDE static void wb_need(const wb_set *restrict s, const wb_moves *restrict m
 }
 
 /* Rates at both ends of the step, for sets as large as the slack allows there. */
-WB_WIDE static int wb_sources(const wb_set *s, const double *v, double *start, double *end) {
+static int wb_sources(const wb_set *s, const double *v, double *start, double *end) {
   double scratch[WB_SCRATCH], linear[2][WB_L], rest[2][WB_L];
   const double *at_start[] = {s->at_start->sizes, linear[0], rest[0], v};
   const double *at_end[] = {s->at_end->sizes, linear[1], rest[1], v};
@@ -684,7 +684,7 @@ static void wb_extend_inputs(wb_set *s, const wb_moves *m, double h) {
 #endif
 
 /* Turns the box at the start, with what the step adds there, into columns at the end where that pays. */
-WB_WIDE static void wb_extend(wb_set *s, const wb_moves *m, double h) {
+static void wb_extend(wb_set *s, const wb_moves *m, double h) {
   wb_instant *t = s->next;
   double box[WB_L], turned[WB_L], added[WB_L];
   /* Remainders grow faster than with the step's square: in long steps a box matters less. */
