@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("casadi", reason="needs the optional package casadi")
 pytest.importorskip("matplotlib", reason="needs the optional package matplotlib")
 
-from workbench.bench import decision_board
+from workbench.bench import decision_board, online_board, online_text
 from workbench.bench.decision_agreement import DecisionAgreement
 from workbench.bench.decision_board import DecisionBoard, DecisionPlan, TellingRow
 from workbench.bench.decision_bound import Bound, Limits, Parts, PeopleBound
@@ -21,9 +21,12 @@ from workbench.bench.decision_latency import Latency
 from workbench.bench.decision_memory import DecisionMemory
 from workbench.bench.decision_methods import METHODS, MethodCost
 from workbench.bench.decision_text import decision_text, growth_claim, summary_text
-from workbench.cli.bench_decision import BEGIN, END
+from workbench.bench.online_board import OnlineBoard
+from workbench.cli import bench_online
 from workbench.cli.bench_decision_page import decision_page
+from workbench.cli.bench_files import marks
 from workbench.cli.main import main
+from workbench.report.page import Page
 from workbench.runtime.layout import TUBES
 
 
@@ -50,6 +53,7 @@ def _method(k: int, method: str) -> MethodCost:
     return MethodCost(row, 4_567_890 * (k + 2) // 2, 20_000 + k, 0)
 
 
+BEGIN, END = marks("decision")
 BOARD = DecisionBoard(
     sizes={"horizon_s": 3.0, "step_s": 0.05, "levels": 3, "budget": 3000},
     latencies=(
@@ -183,3 +187,40 @@ def test_a_document_without_marks_is_refused_before_work(
     assert main(["bench", "--board", "decision", "--into", str(document)]) == 2
     assert document.read_text() == content
     assert measured == []
+
+
+def test_each_document_gets_the_tables_of_its_marks(
+    monkeypatch: pytest.MonkeyPatch, measured: list[DecisionPlan], tmp_path: Path
+) -> None:
+    figures = OnlineBoard("B9", 1, (), (), ())
+    monkeypatch.setattr(online_board, "online_board", lambda *_, **__: figures)
+    monkeypatch.setattr(online_text, "online_text", lambda board: f"tables of {board.loop}")
+    drawn = Page("Online kernels", ["Tubes."], [], "1", "x")
+    monkeypatch.setattr(bench_online, "online_page", lambda *_: drawn)
+    documents = {board: tmp_path / f"{board}.md" for board in ("online", "decision")}
+    for board, path in documents.items():
+        path.write_text("\n".join(marks(board)))
+    page = tmp_path / "both.html"
+    options = [word for path in documents.values() for word in ("--into", str(path))]
+    command = ["bench", "--board", "online", "--board", "decision", "--only", "B1", *options]
+    assert main([*command, "--plot", str(page)]) == 0
+    assert decision_text(BOARD) in documents["decision"].read_text()
+    assert decision_text(BOARD) not in documents["online"].read_text()
+    assert "tables of B9\n\nonline kernels: 0 escapes" in documents["online"].read_text()
+    both = " ".join(["--into", str(documents["online"]), "--into", str(documents["decision"])])
+    assert all(both in path.read_text() for path in documents.values())
+    assert "Online kernels and whole decision" in page.read_text()
+    assert page.read_text().count("<svg viewBox") == 5
+
+
+def test_files_that_nothing_is_for_are_refused_before_work(
+    measured: list[DecisionPlan], tmp_path: Path
+) -> None:
+    document = tmp_path / "online.md"
+    document.write_text("\n".join(marks("online")))
+    twice = ["--into", str(document), "--into", str(document)]
+    for options in (["--into", str(document)], twice, ["--plot", str(document), *twice[:2]]):
+        assert main(["bench", "--board", "decision", *options]) == 2
+    assert main(["bench", "--board", "cold-start", "--plot", str(tmp_path / "p.html")]) == 2
+    assert measured == []
+    assert document.read_text() == "\n".join(marks("online"))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from argparse import Namespace
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +28,8 @@ from workbench.bench.online_memory import online_memory, stack_bound
 from workbench.bench.online_text import online_text, summary_text
 from workbench.bench.tightness import Samples
 from workbench.claims import Rigor
-from workbench.cli.bench_online import BEGIN, END, online_page
+from workbench.cli.bench_files import marks
+from workbench.cli.bench_online import online_page
 from workbench.cli.main import main
 from workbench.codegen.online_source import tube_source
 from workbench.errors import InputError
@@ -38,6 +38,7 @@ from workbench.reach import ReachTube, TubeStatus
 from workbench.reach.online.kernels import Form
 from workbench.report.frontier import Frontier, FrontierPoint, frontier_figure
 
+BEGIN, END = marks("online")
 ONE = Setting("local", Form.LINEAR, 0.05, 1)
 QUADRATIC = replace(ONE, form=Form.QUADRATIC)
 SETTINGS = (replace(ONE, step_s=0.1), ONE, replace(ONE, cells=8))
@@ -348,7 +349,7 @@ def test_a_loop_without_a_complete_tube_still_has_a_page(board: OnlineBoard) -> 
     rows = tuple(replace(row, cost=None) for row in board.rows)
     facts = tuple(replace(each, growth=()) for each in board.kernels)
     none = replace(board, loop="none", rows=rows, kernels=facts)
-    both = online_page(Namespace(board=["online"]), [none, board]).html()
+    both = online_page([none, board], "x").html()
     assert both.count("<svg viewBox") == 3
-    alone = online_page(Namespace(board=["online"]), [none]).html()
+    alone = online_page([none], "x").html()
     assert "<svg viewBox" not in alone

@@ -8,12 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from workbench.cli import bench_decision, bench_online
+from workbench.cli import bench_decision, bench_files, bench_online
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
     from workbench.bench import ColdStart, KernelTime, Loop, MethodScore, SamplePlan
+    from workbench.bench.decision_board import DecisionBoard
     from workbench.bench.online_board import OnlineBoard
+    from workbench.report.page import Page
 
 HELP: Final = (
     "Score every tube (validated as one set and in cells, online in both forms) on the benchmark "
@@ -57,9 +59,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="measure only this: tightness and escapes of the tubes, time of the online ones, "
         "the online kernels (width, escapes, time, instructions, memory, agreement), the whole "
-        "decision (time, its bound, growth, memory, agreement; gets --plot and --into where the "
-        "board `online` is not measured), or cold start of the runtime (can be given more than "
-        "once; default: all)",
+        "decision (time, its bound, growth, memory, agreement), or cold start of the runtime "
+        "(can be given more than once; default: all)",
     )
     parser.add_argument(
         "--bundle",
@@ -69,6 +70,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     bench_online.configure(parser)
     bench_decision.configure(parser)
+    bench_files.configure(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -85,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
         )
     loops = bench_loops(tuple(args.only))
     boards = args.board or BOARDS
-    bench_decision.check(args, boards)
+    bench_files.check(args, boards)
     count = _TRAJECTORIES_QUICK if args.quick else _TRAJECTORIES
     plan = SamplePlan(count, max(HORIZONS_S), SAMPLE_STEP_S, _SEED)
     cold = _cold_start(args.bundle) if "cold-start" in boards else None
@@ -95,8 +97,9 @@ def run(args: argparse.Namespace) -> int:
     decision = bench_decision.measure(args, seed=_SEED) if "decision" in boards else None
     texts = [tightness_text(loop, scores[loop.benchmark.name]) for loop in loops if scores]
     texts += [times_text(times)] if times else []
-    texts += [_online_text(args, online)] if online else []
-    texts += [bench_decision.told(args, boards, decision)] if decision else []
+    boards_texts = _board_texts(online, decision)
+    bench_files.write(args, boards_texts, _pages(args, online, decision))
+    texts += boards_texts.values()
     texts += [cold_start_text(cold)] if cold else []
     found = sum(method.horizons[-1].escapes for loop in scores.values() for method in loop)
     texts += [f"escapes: {found} in all (seed {_SEED})"] if scores else []
@@ -118,13 +121,31 @@ def _online(
     return bench_online.measure(args, loops, trajectories=trajectories, seed=_SEED)
 
 
-def _online_text(args: argparse.Namespace, boards: Sequence[OnlineBoard]) -> str:
-    """The tables; also written to the files that were asked for."""
-    from workbench.bench.online_text import online_text, summary_text
+def _board_texts(online: Sequence[OnlineBoard], decision: DecisionBoard | None) -> dict[str, str]:
+    """The tables of the boards that have documents, by the board's name."""
+    from workbench.bench import decision_text, online_text
 
-    text = "\n\n".join([*(online_text(board) for board in boards), summary_text(boards, _SEED)])
-    bench_online.write_files(args, boards, text)
-    return text
+    texts = {}
+    if online:
+        tables = [online_text.online_text(board) for board in online]
+        texts["online"] = "\n\n".join([*tables, online_text.summary_text(online, _SEED)])
+    if decision is not None:
+        tables = [decision_text.decision_text(decision), decision_text.summary_text(decision)]
+        texts["decision"] = "\n\n".join(tables)
+    return texts
+
+
+def _pages(
+    args: argparse.Namespace, online: Sequence[OnlineBoard], decision: DecisionBoard | None
+) -> list[Page]:
+    """The pages of the same boards, where one is asked for."""
+    if args.plot is None:
+        return []
+    from workbench.cli.bench_decision_page import decision_page
+
+    command = bench_files.this_command(args)
+    pages = [bench_online.online_page(online, command)] if online else []
+    return pages + ([decision_page(decision, command)] if decision is not None else [])
 
 
 def _times(loops: Sequence[Loop]) -> list[KernelTime]:

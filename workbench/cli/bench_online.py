@@ -7,15 +7,7 @@ from collections.abc import Sequence
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
-from workbench.cli.analysis_options import (
-    add_file_option,
-    command_line,
-    count,
-    separate_files,
-    writable_file,
-)
-from workbench.cli.common import marked, write_text
-from workbench.errors import InputError
+from workbench.cli.analysis_options import count
 
 if TYPE_CHECKING:
     from workbench.bench import Loop
@@ -23,9 +15,6 @@ if TYPE_CHECKING:
     from workbench.bench.online_kernels import Setting
     from workbench.report.frontier import Frontier, GrowthCurve
     from workbench.report.page import Page
-
-BEGIN: Final = "<!-- figures of the online board: begin -->"
-END: Final = "<!-- figures of the online board: end -->"
 
 _INPUTS: Final = 100_000
 _INPUTS_QUICK: Final = 2_000
@@ -43,27 +32,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="random inputs on which the online kernels' C is held against CasADi, per function "
         f"(default: {_INPUTS}, with --quick {_INPUTS_QUICK})",
     )
-    add_file_option(
-        parser, "--plot", text="write a page with width against time of the online kernels"
-    )
-    add_file_option(
-        parser, "--into", text="put the online board's tables between the marks of this document"
-    )
-
-
-def check(args: argparse.Namespace, boards: Sequence[str]) -> None:
-    """Refuse files that nothing would be written to, before any work."""
-    separate_files(args, "plot", "into")
-    for option in ("plot", "into"):
-        if getattr(args, option) is not None and "online" not in boards:
-            raise InputError(
-                f"--{option}: expected the board `online` to be measured, got "
-                f"{', '.join(boards)}; add --board online"
-            )
-    writable_file(args.plot, "--plot")
-    writable_file(args.into, "--into")
-    if args.into is not None:
-        marked(args.into, BEGIN, END)
 
 
 def measure(
@@ -92,20 +60,7 @@ def measure(
     return found
 
 
-def write_files(args: argparse.Namespace, boards: Sequence[OnlineBoard], text: str) -> None:
-    """The page and the document, where they are asked for."""
-    if args.plot is not None:
-        from workbench.report.page import write_page
-
-        write_page(args.plot, online_page(args, boards).html())
-    if args.into is not None:
-        before, after = marked(args.into, BEGIN, END)
-        command = command_line("bench", args, repeated=("only", "board"))
-        body = f"\n\nMade with\n\n```console\n$ {command}\n```\n\n```text\n{text}\n```\n\n"
-        write_text(args.into, before + BEGIN + body + END + after)
-
-
-def online_page(args: argparse.Namespace, boards: Sequence[OnlineBoard]) -> Page:
+def online_page(boards: Sequence[OnlineBoard], command: str) -> Page:
     """Width against time, growth with the horizon and with the cells."""
     from workbench import __version__
     from workbench.report.frontier import frontier_figure, growth_panels
@@ -130,13 +85,7 @@ def online_page(args: argparse.Namespace, boards: Sequence[OnlineBoard]) -> Page
         "wide they are, and how long they take.",
         f"{escapes} of {boards[0].trajectories} sampled trajectories per loop leave any tube.",
     ]
-    return Page(
-        "Online kernels",
-        lead,
-        sections,
-        __version__,
-        command_line("bench", args, repeated=("only", "board")),
-    )
+    return Page("Online kernels", lead, sections, __version__, command)
 
 
 def _frontier(board: OnlineBoard) -> Frontier | None:
