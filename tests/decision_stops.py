@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -199,15 +199,15 @@ def sampled_orders(
     return every, Orders(start, reset, switch, braking.astype(int), curving)
 
 
-def excess(tube: TubeAnswer, runs: Runs) -> Array:
-    """Largest distance of the runs outside the tube, per state: to the last row, and beyond it
-    where that is a standstill."""
+def excess(tube: TubeAnswer, runs: Runs, *, step_s: float = STEP_S) -> Array:
+    """Largest distance of the runs outside the tube in rows of step_s, per state: to the last row,
+    and beyond it where that is a standstill."""
     lower, upper = tube.rows("lower", 7), tube.rows("upper", 7)
     stands = upper[-1, SPEED] <= 0.0
     worst = np.full(7, -np.inf)
     # An instant between two rows is in both.
     for side in (-1e-12, 1e-12):
-        place = np.floor(runs.times_s / STEP_S + side).astype(int)
+        place = np.floor(runs.times_s / step_s + side).astype(int)
         row = np.clip(place, 0, tube.steps - 1)
         outside = np.maximum(
             lower[row].swapaxes(1, 2) - runs.states, runs.states - upper[row].swapaxes(1, 2)
@@ -247,9 +247,9 @@ class Scene:
     def box(self) -> Start:
         return (STARTS | _FURTHER)[self.start].scaled(self.share)
 
-    def answer(self, kernel: DecisionKernel) -> Answer:
+    def answer(self, kernel: DecisionKernel, **changed: Sequence[float]) -> Answer:
         orders = {"switch_s": self.switch_s, "start_s": self.start_s, "brake_s": self.brake_s}
-        return kernel(query(paths()[self.where].table, self.box, **orders))
+        return kernel(query(paths()[self.where].table, self.box, **orders, **changed))
 
 
 @functools.cache

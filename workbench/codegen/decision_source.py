@@ -59,9 +59,9 @@ _SPEED_ROOM_MPS = 1.0
 class DecisionSizes:
     """What is fixed when a decision's kernel is built.
 
-    steps rows of step_s (s) each; levels: how many nested sets; deciding: index of the one that is
-    cut into cells and reported; budget: most steps of integration tried in one decision; method:
-    kernel and form of the tubes.
+    steps rows of step_s (s) each, or no more and no longer ones where a query asks for them;
+    levels: how many nested sets; deciding: index of the one that is cut into cells and reported;
+    budget: most steps of integration tried in one decision; method: kernel and form of the tubes.
     """
 
     steps: int
@@ -89,6 +89,7 @@ def decision_layout(
     )
     w = (*track.disturbances, *stopping_loop(track, speeds_mps=(0.0, 0.0)).disturbances[-4:])
     counts |= {"disturbance_lower": len(w), "disturbance_upper": len(w), "brake": 5}
+    counts |= {"horizon_s": 1, "step_s": 1}
     defaults: dict[str, Sequence[float]] = {
         "disturbance_lower": [d.lower for d in w],
         "disturbance_upper": [d.upper for d in w],
@@ -96,6 +97,8 @@ def decision_layout(
             brake.deceleration_min_mps2, brake.deceleration_max_mps2, brake.delay_s,
             brake.build_up_s, brake.stop_speed_mps,
         ],
+        "horizon_s": [sizes.steps * sizes.step_s],
+        "step_s": [sizes.step_s],
     }  # fmt: skip
     results = result_counts(states=n, steps=sizes.steps, levels=sizes.levels)
     return tile(counts, defaults=defaults), tile(results, defaults={})
@@ -163,7 +166,7 @@ def _macros(loop: Ode, sizes: DecisionSizes) -> dict[str, object]:
         "ACCEL_MIN": p_names.index("acceleration_min"),
         "ACCEL_MAX": p_names.index("acceleration_max"), "OWN_PARAMETERS": len(p_names) - 3,
         "INTENT": KIND_NUMBERS.index(TubeKind.INTENT), "GUARD": KIND_NUMBERS.index(TubeKind.GUARD),
-        "STEP": sizes.step_s.hex(), "ROWS": sizes.steps, "SUBSTEPS": SUBSTEPS,
+        "ROWS": sizes.steps, "SUBSTEPS": SUBSTEPS,
         "TUBES": MOST_TUBES, "LEVELS": sizes.levels, "DECIDING": sizes.deciding,
         "BUDGET": f"{sizes.budget}L", "REACH": _REACH, "SLACK": _SLACK_M, "GRAIN": _GRAIN_S,
         "NODES": PATH_NODES, "POOL": MOST_PIECES_IN_ALL,

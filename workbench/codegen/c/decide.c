@@ -47,10 +47,18 @@ typedef struct {
   int ended; /* before its last row, where it came too near to be proved */
 } wb_cell;
 
+/* Rows that cover the horizon, 0 where the kernel has not as many, or not for steps as long. */
+static int wb_rows_of(const double *q) {
+  const double step = q[WB_Q_STEP_S], horizon = q[WB_Q_HORIZON_S];
+  const double rows = ceil(horizon / step - 1e-9); /* it is rarely an exact multiple */
+  if (!(step > 0.0 && step <= WB_STEP_MAX && horizon > 0.0 && rows <= WB_ROWS)) return 0;
+  return rows > 1.0 ? (int)rows : 1;
+}
+
 static int wb_sane_query(const double *q) {
   int i;
   if (!wb_finite(q, WB_Q_PEOPLE_TUBES) || !wb_finite(q + WB_Q_SKEW_S, WB_QUERY_SIZE - WB_Q_SKEW_S)) return 0;
-  if (!wb_sane_path(q) || !(q[WB_Q_CLEARANCE_REQUIRED_M] >= 0.0)) return 0;
+  if (!wb_sane_path(q) || !(q[WB_Q_CLEARANCE_REQUIRED_M] >= 0.0) || !wb_rows_of(q)) return 0;
   if (!(q[WB_Q_FRONT_M] >= 0.0 && q[WB_Q_REAR_M] >= 0.0 && q[WB_Q_HALF_WIDTH_M] >= 0.0)) return 0;
   for (i = 0; i < WB_LEVELS * WB_N; ++i) {
     if (!(q[WB_Q_INITIAL_RADIUS + i] >= 0.0)) return 0;
@@ -91,9 +99,11 @@ static void wb_take_levels(wb_case *c) {
 }
 
 /* The car's times after the stamp that row k is of. */
-static double wb_row_start(const wb_order *order, int k) { return k ? k * WB_STEP + order->held_lower : 0.0; }
+static double wb_row_start(const wb_order *order, int k) {
+  return k ? wb_row_from(order, k) + order->held_lower : 0.0;
+}
 
-static double wb_row_end(const wb_order *order, int k) { return (k + 1) * WB_STEP + order->held_upper; }
+static double wb_row_end(const wb_order *order, int k) { return wb_row_to(order, k) + order->held_upper; }
 
 /* Boxes around the people for every block of rows: the same for all tubes whose rows are of the same
  * times. */
@@ -102,8 +112,8 @@ static void wb_box_people(wb_case *c) {
   if (c->boxed_lower == c->order.held_lower && c->boxed_upper == c->order.held_upper) return;
   c->boxed_lower = c->order.held_lower;
   c->boxed_upper = c->order.held_upper;
-  for (k = 0; k < WB_ROWS; k += WB_BLOCK) {
-    const int last = k + WB_BLOCK < WB_ROWS ? k + WB_BLOCK : WB_ROWS;
+  for (k = 0; k < c->order.rows; k += WB_BLOCK) {
+    const int last = k + WB_BLOCK < c->order.rows ? k + WB_BLOCK : c->order.rows;
     double window[2];
     wb_window(&c->crowd, wb_row_start(&c->order, k), wb_row_end(&c->order, last - 1), window);
     wb_crowd_boxes(&c->crowd, window, c->boxes + k / WB_BLOCK * 4 * WB_MOST_TUBES);
@@ -143,13 +153,13 @@ static int wb_run_rows(wb_case *c, wb_cell *cell, int to_the_end) {
   wb_depart(&d, cell->center, cell->radius, c->tube);
   wb_begin_clear(&c->crowd, c->order.mask, 0.0, cell->nearest);
   cell->ended = 0;
-  for (cell->rows = 0; cell->rows < WB_ROWS; ++cell->rows) {
-    const int k = cell->rows, stands = wb_stands(&d, k * WB_STEP);
+  for (cell->rows = 0; cell->rows < c->order.rows; ++cell->rows) {
+    const int k = cell->rows, stands = wb_stands(&d, wb_row_from(&c->order, k));
     double *lower = cell->lower + k * WB_N, *upper = cell->upper + k * WB_N;
     if (stands) {
       wb_stand(&d, lower, upper);
     } else {
-      const int status = wb_drive_row(&d, k * WB_STEP, cell->substeps, &c->spent, c->most, lower, upper);
+      const int status = wb_drive_row(&d, k, cell->substeps, &c->spent, c->most, lower, upper);
       if (status != WB_COMPLETE) return status;
     }
     if (!wb_compare(c, cell, k)) return WB_NO_ENCLOSURE;
@@ -270,11 +280,11 @@ static void wb_merge(wb_cell *cells, int count) {
 /* Rows of the result are of the stamp's time: with a held start, of everything that may be by then. What
  * stands in its last row stays there; other tubes say nothing about later rows. */
 static int wb_report_rows(const wb_case *c, const wb_cell *cell, double *r) {
-  const double early = c->order.held_lower / WB_STEP, late = c->order.held_upper / WB_STEP;
+  const double early = c->order.held_lower / c->order.step, late = c->order.held_upper / c->order.step;
   const int stands = c->order.brakes && cell->status == WB_COMPLETE && !cell->ended;
   const double more = stands && late > 0.0 ? ceil(late + 2e-9) : 0.0; /* so that the last row stands */
   int rows, i, j, k;
-  if (!(cell->rows + more <= WB_ROWS)) return WB_UNFINISHED;
+  if (!(cell->rows + more <= c->order.rows)) return WB_UNFINISHED;
   rows = cell->rows + (int)more;
   for (k = 0; k < rows; ++k) {
     double *lower = r + WB_T_LOWER + k * WB_N, *upper = r + WB_T_UPPER + k * WB_N;
@@ -357,6 +367,9 @@ static void wb_take_order(wb_case *c, int kind) {
   const double *command = c->q + (kind == WB_STOP ? WB_Q_SWITCH_S : WB_Q_BRAKE_S);
   wb_order *order = &c->order;
   memset(order, 0, sizeof *order);
+  order->rows = wb_rows_of(c->q);
+  order->step = c->q[WB_Q_STEP_S];
+  order->until = c->q[WB_Q_HORIZON_S];
   order->brakes = kind != WB_TRACK;
   order->mask = kind == WB_TRACK ? 1 << WB_INTENT : kind == WB_STOP ? 1 << WB_GUARD : (1 << WB_KINDS) - 1;
   if (kind != WB_BRAKE) {

@@ -18,6 +18,8 @@ typedef struct {
   int mask;                            /* kinds of people's tubes that count */
   double switch_lower, switch_upper;   /* BRAKE is commanded between, in time since the motion began */
   double held_lower, held_upper;       /* the motion begins between, in time since the stamp */
+  int rows;                            /* of `step` each, but that the last one ends at `until` */
+  double step, until;
 } wb_order;
 
 typedef struct {
@@ -169,10 +171,24 @@ static void wb_join(const wb_drive *d, double t, double *lower, double *upper, i
   }
 }
 
-/* The row from t on, of WB_STEP in `substeps` steps; *spent never exceeds `most`. */
-static int wb_drive_row(wb_drive *d, double t, int substeps, long *spent, long most, double *lower,
+/* The time of row k: the end of the last one may come earlier than a whole step. */
+static double wb_row_from(const wb_order *order, int k) { return k * order->step; }
+
+static double wb_row_to(const wb_order *order, int k) {
+  return k + 1 < order->rows ? (k + 1) * order->step : order->until;
+}
+
+/* How long row k is; a whole step is the very number, not a difference of two instants. */
+static double wb_row_length(const wb_order *order, int k) {
+  const double whole = order->rows * order->step;
+  if (k + 1 < order->rows || (order->until >= whole && order->until <= whole)) return order->step;
+  return order->until - k * order->step;
+}
+
+/* Row k in `substeps` steps; *spent never exceeds `most`. */
+static int wb_drive_row(wb_drive *d, int k, int substeps, long *spent, long most, double *lower,
                         double *upper) {
-  const double h = WB_STEP / substeps;
+  const double t = wb_row_from(d->order, k), h = wb_row_length(d->order, k) / substeps;
   int j;
   for (j = 0; j < substeps; ++j) {
     const long before = d->s.spent;
@@ -201,8 +217,8 @@ static void wb_stand(const wb_drive *d, double *lower, double *upper) {
   memcpy(upper, d->s.now->upper, WB_N * sizeof *upper);
   lower[WB_SPEED] = upper[WB_SPEED] = 0.0;
   lower[WB_SPEED_INTEGRAL] = upper[WB_SPEED_INTEGRAL] = 0.0;
-  lower[WB_STEERING] += wb_min(d->turn[0], 0.0) * (WB_ROWS * WB_STEP * WB_UP);
-  upper[WB_STEERING] += wb_max(d->turn[1], 0.0) * (WB_ROWS * WB_STEP * WB_UP);
+  lower[WB_STEERING] += wb_min(d->turn[0], 0.0) * (WB_ROWS * d->order->step * WB_UP);
+  upper[WB_STEERING] += wb_max(d->turn[1], 0.0) * (WB_ROWS * d->order->step * WB_UP);
 }
 
 /* Range of a disturbance that a loop may lack. */
