@@ -288,3 +288,27 @@ def test_track_is_sent_only_before_the_switch_of_a_plan_that_was_accepted(
         if decision.action is Action.TRACK:
             assert decision.fail_safe.verdict is Verdict.SAFE
             until_s = asked.clock.now_s + TIMING.switch_s[0] + 1e-5
+
+
+@pytest.mark.parametrize("deciding", Deciding)
+def test_a_car_that_brakes_by_itself_needs_a_new_standstill(deciding: Deciding) -> None:
+    alone = deciding is Deciding.LOOK_AHEAD
+    asked = Asked(deciding=deciding) if alone else _tracking(deciding)
+    if alone:
+        assert asked.step(STANDING).action is Action.TRACK
+        assert _turn(asked, 0.02).name == "TRACK"
+    asked.clock.now_s += 0.02
+    asked.monitor.hold(asked.clock.now_s)
+    assert [_turn(asked, 0.02).name for _ in range(3)] == ["BRAKE"] * 3
+    if not alone:
+        # A speed that is no standstill permits nothing, one that is does.
+        assert asked.step(SLOW).action is Action.BRAKE
+        stood = [asked.step(STANDING).action for _ in range(25)]
+        assert stood[-1] is Action.TRACK
+
+
+@pytest.mark.parametrize("now_s", [math.nan, math.inf, -1.0])
+def test_holding_at_no_instant_brakes(now_s: float) -> None:
+    asked = _tracking()
+    asked.monitor.hold(now_s)
+    assert _turn(asked, 0.02).name == "BRAKE"

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from workbench.cli.analysis_options import check_steps, count, positive
 from workbench.cli.common import (
     MONITOR_STEP_S,
+    RELEASE_STEPS,
     add_deciding_option,
     add_vehicle_option,
     chosen_deciding,
@@ -17,6 +18,10 @@ from workbench.cli.common import (
 )
 from workbench.cli.output import emit
 from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.runtime.contents import Manifest
+    from workbench.runtime.monitor_settings import MonitorSettings
 
 HELP = (
     "Compiles the monitor of a vehicle file into a bundle: a folder with the shared object, its C "
@@ -28,11 +33,14 @@ workbench build --out out/bundle
 workbench build --vehicle my_shuttle.toml --horizon 3 --step 0.025 --out out/bundle
 workbench build --deciding FailSafe --deciding-level "two thirds" --out out/bundle
 workbench build --step 0.05 --kernel enclosed --form quadratic --out out/bundle
+workbench build --vehicle my_shuttle.toml --path route.csv --clearance 0.2 --horizon 2
 """
 
 KERNELS: Final = ("local", "enclosed")
 FORMS: Final = ("linear", "quadratic")
 _WHOLE_S = 1e-9
+# Every third turn of 30 Hz decides; a check may take as long as the next one waits.
+_TIMING_S: Final = (0.12, 0.1, 0.04)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -56,10 +64,74 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="the nested set whose SAFE permits TRACK: whole, two thirds, one third (of the "
         "observation's radii; default: whole); the others advise",
     )
+    _add_driving_options(parser)
     parser.add_argument(
         "--out", type=Path, metavar="DIR", default=Path("out/bundle"),
         help="folder of the bundle (default: out/bundle)",
     )  # fmt: skip
+
+
+def _add_driving_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the monitor on a vehicle needs besides [drive_by_wire] of the vehicle file."""
+    parser.add_argument(
+        "--path",
+        type=Path,
+        metavar="FILE",
+        help="CSV file with the columns x_m,y_m: the path that the bundle drives, as positions of "
+        "the rear axle's middle in the localisation's frame",
+    )
+    parser.add_argument(
+        "--sensors",
+        type=Path,
+        metavar="FILE",
+        help="TOML file with what sensors, clocks and people keep to; `workbench new sensors NAME` "
+        "writes one to edit",
+    )
+    parser.add_argument(
+        "--key",
+        type=Path,
+        metavar="FILE",
+        help="private key that signs the bundle at once; see `workbench keygen` and `sign`",
+    )
+    parser.add_argument(
+        "--clearance",
+        type=positive,
+        metavar="M",
+        help="distance between body and person that SAFE must prove, m; puts the monitor's "
+        "settings into the bundle",
+    )
+    parser.add_argument(
+        "--release-steps",
+        type=count,
+        metavar="N",
+        help="SAFE verdicts in a row that end braking (with --clearance; default: "
+        f"{RELEASE_STEPS})",
+    )
+    parser.add_argument(
+        "--timing",
+        type=positive,
+        nargs=3,
+        metavar=("PERIOD", "LATENCY", "GAP"),
+        help="longest time between stamps, from a stamp to the end of its check, and between two "
+        "turns of the sender, s (with --clearance; default: "
+        f"{' '.join(f'{each:g}' for each in _TIMING_S)})",
+    )
+
+
+def _monitor_settings(args: argparse.Namespace) -> MonitorSettings | None:
+    from workbench.runtime.monitor_settings import MonitorSettings
+    from workbench.runtime.policies import Timing
+
+    if args.clearance is None:
+        if args.release_steps is not None or args.timing is not None:
+            raise InputError(
+                "--clearance: expected beside --release-steps and --timing, which are part of the "
+                "monitor's settings; add --clearance M"
+            )
+        return None
+    period_s, latency_s, gap_s = args.timing or _TIMING_S
+    timing = Timing(period_s=period_s, latency_s=latency_s, send_gap_s=gap_s)
+    return MonitorSettings(args.release_steps or RELEASE_STEPS, args.clearance, timing)
 
 
 def _add_method_options(parser: argparse.ArgumentParser) -> None:
@@ -123,6 +195,9 @@ def run(args: argparse.Namespace) -> int:
     """Build, load and report."""
     check_grid(args)
     _check_level(args.deciding_level)
+    from workbench.cli.path_file import path_from_csv
+    from workbench.cli.private_key import read_private_key
+    from workbench.cli.sign import sign_bundle
     from workbench.codegen import MonitorSpec, build_bundle
     from workbench.codegen.bundle import BUDGET
     from workbench.reach.online.kernels import Form, Method
@@ -132,16 +207,24 @@ def run(args: argparse.Namespace) -> int:
         chosen_vehicle(args), args.horizon, args.step, deciding=chosen_deciding(args),
         deciding_level=args.deciding_level, budget=args.budget or BUDGET,
         method=Method(args.kernel, Form(args.form)),
+        path=None if args.path is None else path_from_csv(args.path),
+        monitor=_monitor_settings(args),
+        sensors=None if args.sensors is None else _text(args.sensors),
     )  # fmt: skip
+    if args.key is not None:
+        read_private_key(args.key)
     with output_folder(args.out) as out:
         folder = build_bundle(spec, out)
+    if args.key is not None:
+        sign_bundle(folder, args.key)
     manifest = load_bundle(folder).manifest
     size = (folder / "kernel.so").stat().st_size
     text = (
         f"bundle for {manifest.name}: {manifest.steps} steps of {manifest.step_s:g} s, "
         f"rigor {manifest.rigor.name}, deciding: {manifest.deciding}, for the level "
         f"{manifest.deciding_level!r}, tubes: {manifest.tubes}, kernel {size / 1024:.0f} kB for "
-        f"{manifest.machine}, {len(manifest.golden)} golden vectors repeated bit for bit\n{folder}"
+        f"{manifest.machine}, {len(manifest.golden)} golden vectors repeated bit for bit; "
+        f"{_driving_text(manifest)}\n{folder}"
     )
     emit(args, text, {
         "folder": str(folder), "name": manifest.name, "steps": manifest.steps,
@@ -150,6 +233,27 @@ def run(args: argparse.Namespace) -> int:
         "golden_vectors": len(manifest.golden), "deciding": manifest.deciding,
         "deciding_level": manifest.deciding_level,
         "levels": {level.name: level.share for level in manifest.levels},
-        "budget": manifest.budget, "tubes": manifest.tubes,
+        "budget": manifest.budget, "tubes": manifest.tubes, "drives": _drives(manifest),
     })  # fmt: skip
     return 0
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"--sensors: expected a text file that can be read, got {path} ({error}); `workbench "
+            "new sensors NAME` writes one to edit"
+        ) from error
+
+
+def _drives(manifest: Manifest) -> dict[str, bool]:
+    """Which of the entries that the monitor on a vehicle needs the bundle has."""
+    names = ("drive_by_wire", "path", "monitor", "sensors")
+    return {name: getattr(manifest, name) is not None for name in names}
+
+
+def _driving_text(manifest: Manifest) -> str:
+    missing = [name for name, there in _drives(manifest).items() if not there]
+    return f"not for driving, it lacks {', '.join(missing)}" if missing else "for driving"

@@ -30,7 +30,7 @@ workbench doctor --json
 
 # Distribution names, as importlib.metadata knows them, by the extra that brings them.
 PACKAGES: Final = {
-    "base": ("python-can",),
+    "base": ("python-can", "pynacl"),
     "analysis": (
         "numpy",
         "casadi",

@@ -12,7 +12,10 @@ from workbench.cli.common import add_output_option, writable_folder, write_text
 from workbench.cli.output import emit
 from workbench.errors import InputError
 
-HELP = "Writes an example that runs as it is: a model and its tube, a vehicle file, or a study."
+HELP = (
+    "Writes an example that runs as it is: a model and its tube, a vehicle file (vehicle: for the "
+    "desk; drive: with the maps of its drive-by-wire), what its sensors keep to, or a study."
+)
 EXAMPLE = """\
 workbench new model pendulum --out examples
 python examples/pendulum.py
@@ -27,6 +30,8 @@ class Kind(enum.Enum):
 
     MODEL = ("model", "cli/templates/model.py", "example_model")
     VEHICLE = ("vehicle", "models/data/gem_e2.toml", "")
+    DRIVE = ("drive", "models/data/gem_e2_drive.toml", "")
+    SENSORS = ("sensors", "models/data/gem_e2_sensors.toml", "")
     STUDY = ("study", "cli/templates/study.py", "example_study")
 
     def __init__(self, word: str, source: str, placeholder: str) -> None:
@@ -38,6 +43,13 @@ class Kind(enum.Enum):
     def suffix(self) -> str:
         """Ending of the file that is written."""
         return Path(self.source).suffix
+
+
+_USES = {
+    Kind.VEHICLE: "workbench reach --vehicle",
+    Kind.DRIVE: "workbench build --horizon 2 --vehicle",
+    Kind.SENSORS: "workbench build --vehicle DRIVE.toml --path PATH.csv --clearance 0.3 --sensors",
+}
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -66,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     text = written(kind, args.name)
     writable_folder(args.out)
     write_text(target, text)
-    use = f"workbench reach --vehicle {target}" if kind is Kind.VEHICLE else f"python {target}"
+    use = f"{_USES.get(kind, 'python')} {target}"
     emit(args, f"wrote {target}\nrun it: {use}", {"kind": kind, "file": target, "run": use})
     return 0
 
@@ -74,6 +86,6 @@ def run(args: argparse.Namespace) -> int:
 def written(kind: Kind, name: str) -> str:
     """The shipped example under its new name."""
     text = files("workbench").joinpath(kind.source).read_text(encoding="utf-8")
-    if kind is Kind.VEHICLE:
+    if kind in (Kind.VEHICLE, Kind.DRIVE):
         return re.sub(r'(?m)^name\s*=\s*".*?"', f'name = "{name}"', text, count=1)
-    return text.replace(kind.placeholder, name)
+    return text.replace(kind.placeholder, name) if kind.placeholder else text

@@ -1,4 +1,4 @@
-"""`workbench replay`: run a monitor over a recorded drive and report what it decided."""
+"""`workbench replay`: run a monitor over a recorded drive, or over a log of the vehicle's."""
 
 from __future__ import annotations
 
@@ -33,45 +33,74 @@ if TYPE_CHECKING:
     from workbench.simulation.replay import ReplayResult, ReplaySettings
 
 HELP = (
-    "Runs a monitor over one recording, sample by sample in time order, and writes replay.jsonl "
-    "and report.html. Columns of the recordings: docs/data-format.md. Without --bundle one is "
-    "built from the vehicle's gains and the recording's own shape. LookAhead decides, whatever "
-    "the bundle names: the recorded car does not obey, so FailSafe is only asked beside. Needs "
-    "the analysis extra with or without --bundle, to read recordings and to draw the report."
+    "A folder of recordings: runs a monitor over one of them, sample by sample in time order, and "
+    "writes replay.jsonl and report.html. Columns of the recordings: docs/data-format.md. Without "
+    "--bundle one is built from the vehicle's gains and the recording's own shape. LookAhead "
+    "decides, whatever the bundle names: the recorded car does not obey, so FailSafe is only asked "
+    "beside. Needs the analysis extra with or without --bundle, to read recordings and to draw the "
+    "report. A log of workbench-monitor (.mcap, .blf, .asc, candump's .log): gives a core what the "
+    "one on the vehicle got, and holds every decision and frame against the log; exit status 1 "
+    "where they differ; needs the base install only. With --topics a ROS 1 or 2 bag is a "
+    "recording. Both: docs/logs.md."
 )
 EXAMPLE = """\
 workbench replay recordings/kitti --recording kitti_0000 --out out/replay
 workbench replay recordings/kitti --recording kitti_0013 --bundle out/bundle
+workbench replay drive/monitor.mcap --bundle out/bundle
+workbench replay elsewhere/candump.log --bundle out/bundle --run drive/run.json
+workbench replay drive.bag --topics topics.toml --out out/replay
 """
+_DEFAULT_OUT = "out/replay"
 _GEOMETRY_TOLERANCE_M = 1e-3
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument(
-        "folder", type=Path, metavar="FOLDER", help="folder with the recordings' CSV files"
+        "subject",
+        type=Path,
+        metavar="FOLDER|LOG|BAG",
+        help="folder with the recordings' CSV files, a log, or a ROS bag",
     )
-    parser.add_argument("--recording", required=True, metavar="NAME", help="name of the recording")
+    parser.add_argument("--recording", metavar="NAME", help="name of the recording")
     parser.add_argument(
         "--agent", metavar="NAME", help="which vehicle, where a recording has several"
     )
     parser.add_argument(
         "--bundle", type=Path, metavar="DIR", help="bundle to run (default: build one)"
     )
+    parser.add_argument(
+        "--topics", type=Path, metavar="FILE", help="which topics of a ROS bag to take, TOML"
+    )
+    parser.add_argument(
+        "--run",
+        type=Path,
+        metavar="FILE",
+        help="the run.json of a log that it does not lie beside",
+    )
     add_vehicle_option(parser)
     add_grid_options(parser)
     # Not given: told apart from given, because a bundle brings its own.
     parser.set_defaults(horizon=None, step=None)
-    add_output_option(parser, default="out/replay")
+    add_output_option(parser, default=_DEFAULT_OUT)
 
 
 def run(args: argparse.Namespace) -> int:
     """Check the input, then replay, write log and report, and print the summary."""
-    from workbench.simulation.recording import load_recording
+    from workbench.cli.replay_subject import is_log, recording_of, require_log_options
+
+    if is_log(args):
+        from workbench.cli.replay_log import replay_log
+
+        require_log_options(args, default_out=Path(_DEFAULT_OUT))
+        return replay_log(args)
+    _complete_grid(args)
+    return _run_recording(args, recording_of(args))
+
+
+def _run_recording(args: argparse.Namespace, recording: Recording) -> int:
     from workbench.simulation.replay import replay_path, replay_timing, replay_vehicle
 
-    _complete_grid(args)
-    recording = load_recording(args.folder, args.recording, agent=args.agent)
     base = chosen_vehicle(args)
     settings = _settings(base)
     path = replay_path(recording, settings)
@@ -149,7 +178,7 @@ def _write(
         result.recording, result.summary_line(), tuple(e.frame for e in result.entries), table,
         (), notes, bundle.manifest.assumptions,
     )  # fmt: skip
-    command = command_line("replay", args, positional=("folder",))
+    command = command_line("replay", args, positional=("subject",))
     write_page(
         out / "report.html", replay_page(report, version=__version__, command=command).html()
     )

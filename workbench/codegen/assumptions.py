@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from workbench.claims import Assumption
 from workbench.models.vehicle_sections import Uncertainty
+from workbench.runtime.onboard.drive_by_wire import DriveByWire
 
 if TYPE_CHECKING:
     from workbench.codegen.bundle import MonitorSpec
@@ -66,7 +67,21 @@ def assumptions(spec: MonitorSpec) -> tuple[Assumption, ...]:
         "rounding", "rounding, truncation and motion between instants are inside the tube",
         _ROUNDING[spec.method.kernel],
     )  # fmt: skip
-    return (_initial_set(spec), *_ALWAYS, _uncertainty(spec.vehicle.uncertainty), rounding)
+    unsure = _uncertainty(spec.vehicle.unsure())
+    wire = spec.vehicle.drive_by_wire
+    driven = () if wire is None else (_actuation(wire.value),)
+    return (_initial_set(spec), *_ALWAYS, unsure, *driven, rounding)
+
+
+def _actuation(wire: DriveByWire) -> Assumption:
+    return Assumption(
+        "actuation", "at every instant the car does what the maps of the vehicle file allow for "
+        f"the commands sent within the last {wire.turn_s + wire.pedals.longest_s:.3g} s (pedals), "
+        f"{wire.turn_s + wire.steering.longest_s:.3g} s (steering); between two turns the law "
+        "moves by no more than the slew allows",
+        "none at run time but that withheld commands and clamped targets are told (covered); the "
+        "vehicle file's provenance, and its outputs compared with its commands",
+    )  # fmt: skip
 
 
 def _uncertainty(unsure: Uncertainty) -> Assumption:

@@ -39,7 +39,11 @@ from workbench.runtime.manifest import (
     checksums_text,
     manifest_to_json,
 )
+from workbench.runtime.monitor_settings import MonitorSettings
+from workbench.runtime.onboard.sensors_file import settings_from
+from workbench.runtime.path import PathTable
 from workbench.runtime.policies import BrakeBounds, Deciding
+from workbench.runtime.signature import SIGNATURE_FILE
 from workbench.sets import Box
 
 # The kernel takes curvature from the path table; the model's own interval is a placeholder.
@@ -69,7 +73,9 @@ class MonitorSpec:
     as shares of the observation's radii, the largest (1) first; deciding_level: the name of the one
     whose SAFE permits TRACK, the others advise. deciding: whose TRACK counts. budget: most steps of
     integration tried in one decision; what is not done by then is not proved. method: kernel and
-    form that compute the tubes.
+    form that compute the tubes. path, monitor, sensors (the text of a TOML file, see
+    `onboard.sensors_file`): what the vehicle's monitor needs besides a vehicle with
+    [drive_by_wire]; None for a bundle that does not drive.
     """
 
     vehicle: Vehicle
@@ -80,6 +86,9 @@ class MonitorSpec:
     deciding: Deciding = Deciding.BOTH
     budget: int = BUDGET
     method: Method = LOCAL_LINEAR
+    path: PathTable | None = None
+    monitor: MonitorSettings | None = None
+    sensors: str | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "deciding", Deciding.named(self.deciding))
@@ -158,7 +167,7 @@ def build_bundle(spec: MonitorSpec, folder: Path) -> Path:
 
 def _replaceable(target: Path) -> bool:
     """Whether it is a folder with nothing but what a bundle holds."""
-    files = {*CHECKED_FILES, CHECKSUM_FILE}
+    files = {*CHECKED_FILES, CHECKSUM_FILE, SIGNATURE_FILE}
     return target.is_dir() and {path.name for path in target.iterdir()} <= files
 
 
@@ -169,6 +178,8 @@ def bundle_files(spec: MonitorSpec) -> dict[str, bytes]:
     source = decision_source(ode, spec.vehicle.brake.mode(), region, spec.sizes)
     compiled = compile_shared(source)
     manifest = _manifest(spec, ode, compiled)
+    if spec.sensors is not None:
+        settings_from(manifest, signed=False, tag=0)
     files = {
         MANIFEST_FILE: manifest_to_json(manifest).encode(),
         LIBRARY_FILE: compiled.shared_object,
@@ -195,6 +206,7 @@ def _manifest(spec: MonitorSpec, ode: Ode, compiled: Compiled) -> Manifest:
     brake, guard = spec.vehicle.brake, spec.vehicle.guard
     query, result = decision_layout(ode, brake.mode(), spec.sizes)
     body, region = spec.vehicle.geometry, spec.vehicle.operation.region
+    wire = spec.vehicle.drive_by_wire
     kernel, golden = golden_vectors(compiled.shared_object, query, result, spec, ode)
     return Manifest(
         name=spec.vehicle.name,
@@ -225,6 +237,10 @@ def _manifest(spec: MonitorSpec, ode: Ode, compiled: Compiled) -> Manifest:
         rigor=Rigor.ENCLOSED,
         assumptions=assumptions(spec),
         golden=golden,
+        drive_by_wire=None if wire is None else wire.value,
+        path=spec.path,
+        monitor=spec.monitor,
+        sensors=spec.sensors,
     )
 
 
@@ -234,7 +250,7 @@ def brake_bounds(vehicle: Vehicle) -> BrakeBounds:
     Until delay + build-up the speed grows by at most w (delay + build-up), then it falls by at
     least d - w: as if the brake had d - w alone and came later by the time that this growth takes.
     """
-    brake, push = vehicle.brake, vehicle.uncertainty.acceleration_mps2
+    brake, push = vehicle.brake, vehicle.unsure().acceleration_mps2
     if push == 0.0:
         return BrakeBounds(
             deceleration_min_mps2=brake.deceleration_min_mps2,

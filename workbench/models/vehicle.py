@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import importlib.resources
 import math
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar, final
@@ -16,6 +15,18 @@ from workbench.controllers import Mode, PathFollowing, SpeedPid, SteeringPid, Tr
 from workbench.errors import InputError
 from workbench.models.bicycle import Frame
 from workbench.models.closed_loop import ClosedLoop, Disturbance, EstimationError
+from workbench.models.drive_by_wire import (
+    DriveByWireSection,
+    drive_by_wire_section,
+    reading_gain_per_s,
+)
+from workbench.models.section_reading import (
+    as_interval,
+    as_number,
+    as_table,
+    as_text,
+    require_keys,
+)
 from workbench.models.vehicle_sections import (
     REGION_KEYS,
     STATE_KEYS,
@@ -57,8 +68,11 @@ class Vehicle:
     guard: Guard
     brake: Brake
     uncertainty: Uncertainty = dataclasses.field(default_factory=Uncertainty)
+    drive_by_wire: DriveByWireSection | None = None
 
     def __post_init__(self) -> None:
+        if self.drive_by_wire is not None:
+            self.drive_by_wire.check(self.limits, self.brake)
         self._check_uncertainty()
         for name in REGION_KEYS.values():
             low, high = self.operation.region.interval(name)
@@ -70,6 +84,9 @@ class Vehicle:
                 )
 
     def _check_uncertainty(self) -> None:
+        unsure, source = self.unsure(), "[uncertainty]"
+        if self.drive_by_wire is not None:
+            source += " with [drive_by_wire]"
         for key, below, why in (
             ("wheelbase_m", self.geometry.wheelbase_m, "the wheelbase itself"),
             ("acceleration_mps2", self.brake.deceleration_min_mps2,
@@ -77,11 +94,24 @@ class Vehicle:
             ("speed_mps", self.brake.stop_speed_mps,
              "[brake] stop_speed_mps, or a standing car would steer"),
         ):  # fmt: skip
-            value = getattr(self.uncertainty, key)
+            value = getattr(unsure, key)
             if not value < below:
                 raise InputError(
-                    f"[uncertainty] {key}: expected less than {below!r} ({why}), got {value!r}"
+                    f"{source} {key}: expected less than {below!r} ({why}), got {value!r}"
                 )
+
+    def unsure(self) -> Uncertainty:
+        """What its loop is unsure of: [uncertainty], and no less than [drive_by_wire] implies."""
+        if self.drive_by_wire is None:
+            return self.uncertainty
+        tangent = math.tan(self.limits.steering_rad)
+        gain_per_s = reading_gain_per_s(
+            self.steering_pid,
+            wheelbase_m=self.geometry.wheelbase_m - self.uncertainty.wheelbase_m,
+            speed_mps=max(map(abs, self.operation.region.interval("speed"))),
+            tangent_rise=1.0 + tangent * tangent,
+        )
+        return self.drive_by_wire.joined(self.uncertainty, reading_gain_per_s=gain_per_s)
 
     def with_geometry(self, geometry: Geometry, *, name: str) -> Vehicle:
         """The same controllers and limits on another body, under another name."""
@@ -131,7 +161,7 @@ class Vehicle:
 
     def uncertain_loop(self, mode: Mode, frame: Frame) -> ClosedLoop:
         """The loop with all that the vehicle file is unsure of."""
-        unsure = self.uncertainty
+        unsure = self.unsure()
         return self.closed_loop(
             mode,
             frame,
@@ -144,6 +174,11 @@ class Vehicle:
 def gem_e2_path() -> Path:
     """The vehicle file shipped with this package."""
     return Path(str(importlib.resources.files("workbench.models") / "data" / "gem_e2.toml"))
+
+
+def gem_e2_drive_path() -> Path:
+    """The shipped vehicle once more, with what its drive-by-wire makes of commands."""
+    return gem_e2_path().with_name("gem_e2_drive.toml")
 
 
 def gem_e2() -> Vehicle:
@@ -187,67 +222,33 @@ def _vehicle(document: Mapping[str, object]) -> Vehicle:
         "guard",
         "brake",
     )
-    _require_keys("the file", document, sections, ("uncertainty",), what="section")
-    tables = {name: _table(name, value) for name, value in document.items()}
-    _require_keys("[vehicle]", tables["vehicle"], ("name", "provenance"))
+    require_keys("the file", document, sections, ("uncertainty", "drive_by_wire"), what="section")
+    tables = {name: as_table(name, value) for name, value in document.items()}
+    require_keys("[vehicle]", tables["vehicle"], ("name", "provenance"))
     initial_set = tables["initial_set"]
-    _require_keys("[initial_set]", initial_set, ("center", "radius", "provenance"))
+    require_keys("[initial_set]", initial_set, ("center", "radius", "provenance"))
+    limits, brake = (
+        _section(Limits, "limits", tables["limits"]), _section(Brake, "brake", tables["brake"])
+    )  # fmt: skip
     return Vehicle(
-        name=_text("[vehicle]", "name", tables["vehicle"]),
-        provenance=_text("[vehicle]", "provenance", tables["vehicle"]),
+        name=as_text("[vehicle]", "name", tables["vehicle"]),
+        provenance=as_text("[vehicle]", "provenance", tables["vehicle"]),
         geometry=_section(Geometry, "geometry", tables["geometry"]),
-        limits=_section(Limits, "limits", tables["limits"]),
+        limits=limits,
         steering_pid=_section(SteeringGains, "steering_pid", tables["steering_pid"]),
         speed_pid=_section(SpeedGains, "speed_pid", tables["speed_pid"]),
         operation=_operation(tables["operation"]),
         initial_set=_initial_set(initial_set),
-        initial_set_provenance=_text("[initial_set]", "provenance", initial_set),
+        initial_set_provenance=as_text("[initial_set]", "provenance", initial_set),
         guard=_section(Guard, "guard", tables["guard"]),
-        brake=_section(Brake, "brake", tables["brake"]),
+        brake=brake,
         uncertainty=_section(Uncertainty, "uncertainty", tables["uncertainty"])
         if "uncertainty" in tables
         else Uncertainty(),
+        drive_by_wire=drive_by_wire_section(tables["drive_by_wire"], limits, brake)
+        if "drive_by_wire" in tables
+        else None,
     )
-
-
-def _require_keys(
-    where: str, table: Mapping[str, object], expected: Iterable[str],
-    optional: Iterable[str] = (), *, what: str = "key",
-) -> None:  # fmt: skip
-    required = tuple(expected)
-    known = (*required, *optional)
-    for key in table:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1, cutoff=0.0)[0]
-            raise InputError(
-                f"unknown {what} {key!r} in {where}; the nearest known one is {near!r}. "
-                f"Rename or remove it; {where} has {', '.join(known)}"
-            )
-    missing = [key for key in required if key not in table]
-    if missing:
-        raise InputError(f"{where} lacks the {what} {', '.join(missing)}; add it")
-
-
-def _table(name: str, value: object) -> Mapping[str, object]:
-    if not isinstance(value, dict):
-        raise InputError(
-            f"[{name}]: expected a section, got {value!r}; write [{name}] and its keys"
-        )
-    return value
-
-
-def _text(where: str, key: str, table: Mapping[str, object]) -> str:
-    value = table[key]
-    if not isinstance(value, str) or not value.strip():
-        raise InputError(f"{where} {key}: expected a text in quotes, got {value!r}")
-    return value
-
-
-def _number(where: str, key: str, value: object) -> float:
-    # In Python true is the number 1, so a boolean must be refused by name.
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(f"{where} {key}: expected a finite number, got {value!r}")
-    return float(value)
 
 
 def _section(kind: type[_Section], name: str, table: Mapping[str, object]) -> _Section:
@@ -257,9 +258,9 @@ def _section(kind: type[_Section], name: str, table: Mapping[str, object]) -> _S
         item.name for item in fields
         if item.default is not dataclasses.MISSING and item.name != "provenance"
     ]  # fmt: skip
-    _require_keys(where, table, [i.name for i in fields if i.name not in optional], optional)
-    numbers = {key: _number(where, key, table[key]) for key in table if key != "provenance"}
-    provenance = _text(where, "provenance", table)
+    require_keys(where, table, [i.name for i in fields if i.name not in optional], optional)
+    numbers = {key: as_number(where, key, table[key]) for key in table if key != "provenance"}
+    provenance = as_text(where, "provenance", table)
     try:
         return kind(**numbers, provenance=provenance)
     except InputError as error:
@@ -267,22 +268,16 @@ def _section(kind: type[_Section], name: str, table: Mapping[str, object]) -> _S
 
 
 def _operation(table: Mapping[str, object]) -> Operation:
-    _require_keys("[operation]", table, ("reference_speed_mps", "region", "provenance"))
+    require_keys("[operation]", table, ("reference_speed_mps", "region", "provenance"))
     where = "[operation.region]"
-    region = _table("operation.region", table["region"])
-    _require_keys(where, region, REGION_KEYS)
+    region = as_table("operation.region", table["region"])
+    require_keys(where, region, REGION_KEYS)
     intervals = {}
     for key, name in REGION_KEYS.items():
-        ends = region[key]
-        if not isinstance(ends, list) or len(ends) != 2:
-            raise InputError(f"{where} {key}: expected [lowest, highest], got {ends!r}")
-        low, high = (_number(where, key, end) for end in ends)
-        if low > high:
-            raise InputError(f"{where} {key}: expected lowest <= highest, got {ends!r}; swap them")
-        intervals[name] = (low, high)
-    speed = _number("[operation]", "reference_speed_mps", table["reference_speed_mps"])
+        intervals[name] = as_interval(where, key, region[key])
+    speed = as_number("[operation]", "reference_speed_mps", table["reference_speed_mps"])
     return Operation(
-        speed, Box.from_intervals(intervals), _text("[operation]", "provenance", table)
+        speed, Box.from_intervals(intervals), as_text("[operation]", "provenance", table)
     )
 
 
@@ -290,9 +285,11 @@ def _initial_set(table: Mapping[str, object]) -> Box:
     values: dict[str, dict[str, float]] = {}
     for part in ("center", "radius"):
         where = f"[initial_set.{part}]"
-        entries = _table(f"initial_set.{part}", table[part])
-        _require_keys(where, entries, STATE_KEYS)
-        values[part] = {name: _number(where, key, entries[key]) for key, name in STATE_KEYS.items()}
+        entries = as_table(f"initial_set.{part}", table[part])
+        require_keys(where, entries, STATE_KEYS)
+        values[part] = {
+            name: as_number(where, key, entries[key]) for key, name in STATE_KEYS.items()
+        }
         for key, name in STATE_KEYS.items():
             if part == "radius" and values[part][name] < 0.0:
                 raise InputError(f"{where} {key}: expected a radius >= 0, got {entries[key]!r}")

@@ -86,10 +86,12 @@ class Rows(Sequence[tuple[float, ...]]):
 
 @final
 class Bundle:
-    """A verified, loaded bundle: what it claims (`manifest`) and its one entry point (`call`)."""
+    """A verified, loaded bundle: what it claims (`manifest`, and the SHA-256 of the bytes that say
+    so) and its one entry point (`call`)."""
 
-    def __init__(self, manifest: Manifest, kernel: NativeKernel) -> None:
+    def __init__(self, manifest: Manifest, kernel: NativeKernel, manifest_sha256: str) -> None:
         self.manifest = manifest
+        self.manifest_sha256 = manifest_sha256
         self._kernel = kernel
         self._query_fields = {field.name: field for field in manifest.query}
         self._result_fields = {field.name: field for field in manifest.result}
@@ -132,19 +134,27 @@ class Bundle:
 def load_bundle(folder: Path | str) -> Bundle:
     """Verify a bundle folder and load its kernel.
 
-    In order: SHA-256 of manifest.json, kernel.so and kernel.c against SHA256SUMS; the manifest; the
-    machine type; only then the library, from the very bytes that were hashed; exported sizes;
-    golden vectors bit for bit (every NaN counts as the same); the floating-point mode before and
-    after. Hashes show damage, not intent: whoever can rewrite SHA256SUMS can rewrite the rest.
+    In order: SHA-256 of manifest.json, kernel.so, kernel.c and kernel.h against SHA256SUMS; the
+    manifest; the machine type; only then the library, from the very bytes that were hashed;
+    exported sizes; golden vectors bit for bit (every NaN counts as the same); the floating-point
+    mode before and after. Hashes show damage, not intent: whoever can rewrite SHA256SUMS can
+    rewrite the rest; `load_signed_bundle` asks who wrote it.
     Raises InputError that names the file at fault, what was expected and what came.
     """
-    contents = _verified_contents(Path(folder))
-    try:
-        text = contents[MANIFEST_FILE].decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{MANIFEST_FILE}: expected UTF-8 text ({error}); {_MEND}") from None
-    manifest = manifest_from_json(text)
-    library = contents[LIBRARY_FILE]
+    place = Path(folder)
+    _require_files(place)
+    names = (CHECKSUM_FILE, *CHECKED_FILES)
+    return bundle_of({name: (place / name).read_bytes() for name in names}, place)
+
+
+def bundle_of(files: Mapping[str, bytes], folder: Path) -> Bundle:
+    """Verify and load what was read of a bundle, without reading anything again.
+
+    files: name -> content, of SHA256SUMS and all it lists; folder: where they came from, for
+    messages. What is checked, and how it fails: as `load_bundle` says.
+    """
+    manifest = checked_manifest(files, folder)
+    library = files[LIBRARY_FILE]
     check_machine(library, built_for=manifest.machine, here=platform.machine())
     kernel = NativeKernel(library, manifest.kernel)
     for index, golden in enumerate(manifest.golden):
@@ -152,25 +162,35 @@ def load_bundle(folder: Path | str) -> Bundle:
     fault = float_mode_fault()
     if fault is not None:
         raise InputError(f"after the golden vectors {fault}: the kernel changed it; {_MEND}")
-    return Bundle(manifest, kernel)
+    return Bundle(manifest, kernel, hashlib.sha256(files[MANIFEST_FILE]).hexdigest())
 
 
-def _verified_contents(folder: Path) -> dict[str, bytes]:
-    if not folder.is_dir():
-        raise InputError(f"{folder}: expected a bundle folder, found none; see `workbench build`")
-    missing = [name for name in (CHECKSUM_FILE, *CHECKED_FILES) if not (folder / name).is_file()]
-    if missing:
-        raise InputError(f"{folder} is not a complete bundle, it lacks {missing}; {_MEND}")
-    digests = _listed_digests((folder / CHECKSUM_FILE).read_bytes(), folder / CHECKSUM_FILE)
-    contents = {name: (folder / name).read_bytes() for name in CHECKED_FILES}
-    for name, content in contents.items():
-        found = hashlib.sha256(content).hexdigest()
+def checked_manifest(files: Mapping[str, bytes], folder: Path) -> Manifest:
+    """The manifest, after every file's hash was compared with SHA256SUMS.
+
+    Nothing is executed. Raises InputError as `load_bundle` does.
+    """
+    digests = _listed_digests(files[CHECKSUM_FILE], folder / CHECKSUM_FILE)
+    for name in CHECKED_FILES:
+        found = hashlib.sha256(files[name]).hexdigest()
         if found != digests[name]:
             raise InputError(
                 f"{folder / name} and its line in {CHECKSUM_FILE} disagree: expected SHA-256 "
                 f"{digests[name]}, got {found}; one of them was changed or damaged, {_MEND}"
             )
-    return contents
+    try:
+        text = files[MANIFEST_FILE].decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{MANIFEST_FILE}: expected UTF-8 text ({error}); {_MEND}") from None
+    return manifest_from_json(text)
+
+
+def _require_files(folder: Path) -> None:
+    if not folder.is_dir():
+        raise InputError(f"{folder}: expected a bundle folder, found none; see `workbench build`")
+    missing = [name for name in (CHECKSUM_FILE, *CHECKED_FILES) if not (folder / name).is_file()]
+    if missing:
+        raise InputError(f"{folder} is not a complete bundle, it lacks {missing}; {_MEND}")
 
 
 def _listed_digests(text: bytes, path: Path) -> dict[str, str]:

@@ -10,6 +10,9 @@ from typing import final
 
 from workbench.claims import Assumption, Rigor
 from workbench.errors import InputError
+from workbench.runtime.monitor_settings import MonitorSettings
+from workbench.runtime.onboard.drive_by_wire import DriveByWire
+from workbench.runtime.path import PathTable
 from workbench.runtime.policies.deciding import Deciding
 from workbench.runtime.policies.horizon import BrakeBounds
 from workbench.sets import Box
@@ -165,7 +168,8 @@ class Manifest:
     `Deciding`. brake: what BRAKE does at least. guard_speed_max_mps, guard_accel_max_mps2: what
     nobody exceeds, those who are not seen included. budget: most attempted steps of integration in
     one call. tubes: kernel and form that compute them, such as "local, linear". golden: at least
-    one recorded call.
+    one recorded call. drive_by_wire, path, monitor, sensors (what sensors, clocks and people keep
+    to, as TOML): what driving needs besides, None where the bundle is not for driving.
     """
 
     name: str
@@ -194,6 +198,10 @@ class Manifest:
     rigor: Rigor
     assumptions: tuple[Assumption, ...]
     golden: tuple[Golden, ...]
+    drive_by_wire: DriveByWire | None = None
+    path: PathTable | None = None
+    monitor: MonitorSettings | None = None
+    sensors: str | None = None
 
     def __post_init__(self) -> None:
         _check_tiling("query", self.query, self.kernel.query_size)
@@ -212,7 +220,30 @@ class Manifest:
         if self.region is not None and not known.issuperset(self.region.names):
             raise _refuse(f"the region names {self.region.names}, the states are {sorted(known)}")
         self._check_deciding()
+        self._check_driving()
         self._check_golden()
+
+    def _check_driving(self) -> None:
+        wire = self.drive_by_wire
+        if wire is None:
+            return
+        proved = {parameter.name: parameter.nominal for parameter in self.parameters}
+        for name, driven in (
+            ("steering_max", wire.steering.angle_limit_rad),
+            ("steering_rate_max", wire.steering.rate_limit_radps),
+            ("acceleration_min", wire.pedals.accel_min_mps2),
+            ("acceleration_max", wire.pedals.accel_max_mps2),
+        ):
+            if proved.get(name, driven) != driven:
+                raise _refuse(
+                    f"drive_by_wire: expected the proof's {name} = {proved[name]!r}, got {driven!r}"
+                )
+        gap_s = 0.0 if self.monitor is None else self.monitor.timing.send_gap_s
+        if gap_s > wire.turn_s:
+            raise _refuse(
+                f"monitor: expected a send_gap_s within the drive-by-wire's {wire.turn_s!r} s, "
+                f"which its disturbance covers, got {gap_s!r}"
+            )
 
     def _check_deciding(self) -> None:
         names = [level.name for level in self.levels]

@@ -84,6 +84,25 @@ class JsonReader:
         """An object."""
         return JsonReader(self.take(key, dict), self._place(key))
 
+    def optional_part(self, key: str) -> JsonReader | None:
+        """An object that may be left out."""
+        return self.part(key) if key in self._content else None
+
+    def optional_text(self, key: str) -> str | None:
+        """A text that may be left out."""
+        return self.text(key) if key in self._content else None
+
+    def numbers(self, key: str) -> tuple[float, ...]:
+        """A list of finite numbers."""
+        return tuple(as_finite(value, self._place(key)) for value in self.items(key))
+
+    def interval(self, key: str) -> tuple[float, float]:
+        """Two finite numbers; whether they are in order is the owner's to check."""
+        numbers = self.numbers(key)
+        if len(numbers) != 2:
+            refuse(self._place(key), f"expected [lower, upper], got {numbers!r}")
+        return numbers[0], numbers[1]
+
     def parts(self, key: str) -> list[JsonReader]:
         """A list of objects."""
         place = self._place(key)

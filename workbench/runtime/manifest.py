@@ -29,15 +29,18 @@ from workbench.runtime.contents import (
     StateSignal,
     VehicleBody,
 )
+from workbench.runtime.driving_entries import driving_entries, read_driving
 from workbench.runtime.json_reader import JsonReader, as_finite, as_text, no_constant, refuse
+from workbench.runtime.monitor_settings import MonitorSettings
 from workbench.runtime.policies.horizon import BrakeBounds
 from workbench.runtime.runs import packed_runs, unpacked_runs
 from workbench.sets import Box
 
 __all__ = [
     "CHECKED_FILES", "CHECKSUM_FILE", "FORMAT", "HEADER_FILE", "LIBRARY_FILE", "MANIFEST_FILE",
-    "SOURCE_FILE", "Field", "Golden", "Kernel", "Manifest", "NestedLevel", "Parameter",
-    "StateSignal", "VehicleBody", "checksums_text", "manifest_from_json", "manifest_to_json",
+    "SOURCE_FILE", "Field", "Golden", "Kernel", "Manifest", "MonitorSettings", "NestedLevel",
+    "Parameter", "StateSignal", "VehicleBody", "checksums_text", "manifest_from_json",
+    "manifest_to_json",
 ]  # fmt: skip
 
 
@@ -87,6 +90,7 @@ def manifest_to_json(manifest: Manifest) -> str:
         "assumptions": [asdict(assumption) for assumption in m.assumptions],
         "golden": [_golden(golden) for golden in m.golden],
     }
+    content |= driving_entries(m)
     lines = (f"{json.dumps(key)}: {json.dumps(value)}" for key, value in content.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
@@ -158,6 +162,7 @@ def _manifest(top: JsonReader) -> Manifest:
         rigor=Rigor[rigor],
         assumptions=tuple(_read_assumption(part) for part in top.parts("assumptions")),
         golden=tuple(_read_golden(part) for part in top.parts("golden")),
+        **read_driving(top),
     )
 
 

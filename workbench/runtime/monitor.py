@@ -141,6 +141,15 @@ class Monitor:
         self._state, turn = self._policies.turn(self._state, now_s)
         return turn
 
+    def hold(self, now_s: float) -> None:
+        """In place of `turn`, where BRAKE is sent for a reason that the monitor does not know.
+
+        A car that brakes by itself has left its plan; only a measured standstill leads to the next
+        one. Never raises.
+        """
+        if self.turn(now_s).action is Action.TRACK:
+            self._state = self._policies.held(self._state, _instant(now_s))
+
     def _now(self) -> float:
         try:
             return _instant(self._clock())

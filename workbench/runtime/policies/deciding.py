@@ -20,7 +20,7 @@ from workbench.runtime.policies.cycle import (
 )
 from workbench.runtime.policies.fail_safe import FailSafe
 from workbench.runtime.policies.look_ahead import LookAhead, LookAheadState, alert_of, alert_where
-from workbench.runtime.policies.phases import FailSafeState, Phase, Turn
+from workbench.runtime.policies.phases import FailSafeState, Phase, Turn, braked
 
 
 class Deciding(enum.Enum):
@@ -151,6 +151,12 @@ class Policies:
             followed = self._followed(before, safe_state, action, now_s)
             state = dataclasses.replace(state, fail_safe=followed)
         return state, Turn(action, turn.violation)
+
+    def held(self, state: PoliciesState, now_s: float) -> PoliciesState:
+        """After BRAKE was sent at now_s whatever they said: no plan is in force, nothing is
+        permitted."""
+        safe = braked(state.fail_safe, sent_s=now_s)
+        return PoliciesState(state.look_ahead, safe, -math.inf)
 
     def _followed(
         self, before: FailSafeState, state: FailSafeState, action: Action, now_s: float
