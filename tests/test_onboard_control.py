@@ -136,3 +136,13 @@ def test_the_command_prints_the_answer(
     control.close()
     assert main([str(folder), "status"], said=text.append) == 1
     assert "expected a monitor that answers" in capsys.readouterr().err
+
+
+def test_a_folder_that_is_none_is_misuse(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([str(tmp_path / "none"), "status"])
+    assert ended.value.code == 2
+    assert "--control folder" in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()

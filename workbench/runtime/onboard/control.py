@@ -170,6 +170,11 @@ def main(
     parser.add_argument("word", choices=[word.value for word in Word])
     parser.add_argument("code", nargs="?", default="", help="what the last `status` printed")
     args = parser.parse_args(arguments)
+    if not args.folder.is_dir():
+        parser.error(
+            f"expected the --control folder of a running monitor, got {args.folder}, which is no "
+            "folder; name the one that `workbench-monitor` was started with"
+        )
     try:
         answer = ask(args.folder, f"{args.word} {args.code}".strip())
     except (InputError, OSError) as error:
