@@ -24,6 +24,24 @@ def drive_vehicle() -> Vehicle:
     return load_vehicle(gem_e2_drive_path())
 
 
+def granted_text(reference_mps: float = 1.2) -> str:
+    """The shipped driving file with the shipped sensors' [reading] in its proof.
+
+    A controller that knows its speed within 0.48 m/s needs a higher [brake] stop_speed_mps.
+    """
+    text = gem_e2_drive_path().read_text(encoding="utf-8")
+    for old, new in (
+        ("reference_speed_mps = 2.8", f"reference_speed_mps = {reference_mps}"),
+        ("stop_speed_mps = 0.2", "stop_speed_mps = 0.5"),
+    ):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    return text + (
+        "\n[uncertainty]\nlateral_m = 0.2\nheading_rad = 0.05\nspeed_mps = 0.48\n"
+        'provenance = "the sensors file"\n'
+    )
+
+
 def shipped() -> DriveByWire:
     section = drive_vehicle().drive_by_wire
     assert section is not None

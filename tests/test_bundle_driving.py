@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from actuation_cases import drive_vehicle, shipped
+from actuation_cases import drive_vehicle, granted_text, shipped
 from runtime_fixture import fake_manifest
 
 pytest.importorskip("casadi", reason="needs the optional package casadi")
@@ -243,7 +243,9 @@ def test_build_puts_all_of_it_into_a_bundle_and_signs_it(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = _csv(tmp_path, "x_m,y_m\n0,0\n10,0\n20,0.5\n30,1\n")
-    words = ["--vehicle", str(gem_e2_drive_path()), "--path", str(path), "--clearance", "0.3",
+    vehicle = tmp_path / "granted.toml"
+    vehicle.write_text(granted_text(), encoding="utf-8")
+    words = ["--vehicle", str(vehicle), "--path", str(path), "--clearance", "0.3",
              "--horizon", "0.1", "--step", "0.05", "--out", str(tmp_path / "out")]  # fmt: skip
     assert main(["build", *words]) == 0
     assert "not for driving, it lacks sensors" in capsys.readouterr().out
@@ -254,7 +256,7 @@ def test_build_puts_all_of_it_into_a_bundle_and_signs_it(
     assert "; for driving\n" in capsys.readouterr().out
     manifest = load_signed_bundle(tmp_path / "out", tmp_path / "my.key.pub").manifest
     assert manifest.sensors == (tmp_path / "kept.toml").read_text()
-    assert manifest.drive_by_wire == shipped()
+    assert manifest.drive_by_wire == dataclasses.replace(shipped(), stop_speed_mps=0.5)
     assert manifest.path == path_from_csv(path)
     timing = Timing(period_s=0.12, latency_s=0.1, send_gap_s=0.04)
     assert manifest.monitor == MonitorSettings(5, 0.3, timing)

@@ -124,16 +124,16 @@ def test_what_raises_in_receiving_is_found_by_the_next_turn(
 
 
 def test_a_law_that_cannot_be_sent_within_the_proof_brakes() -> None:
-    pedals = replace(DRIVE_BY_WIRE.pedals, slew_mps3=1.0, withheld_mps2=0.5)
+    pedals = replace(DRIVE_BY_WIRE.pedals, slew_mps3=1.0, withheld_mps2=0.15)
     slow: DriveByWire = replace(DRIVE_BY_WIRE, pedals=pedals)
     b = bench(drive_by_wire=slow)
     b.run(12)
     b.request(Request.ARM)
-    b.until(State.BRAKING)
-    for _ in range(6):
-        result = b.step()
-        if Fault.NOT_COVERED in faults(result):
-            break
+    b.until(State.TRACKING)
+    for _ in range(40):
+        assert Fault.NOT_COVERED not in faults(b.step())
+    b.speed_mps -= 0.25
+    result = b.step()
     assert Fault.NOT_COVERED in faults(result)
     assert (result.state, brakes(result)) == (State.BRAKING, True)
 

@@ -21,6 +21,7 @@ from workbench.errors import InputError
 from workbench.models.bicycle import PathFrame
 from workbench.models.system import Ode
 from workbench.models.vehicle import Vehicle
+from workbench.models.vehicle_sections import Uncertainty
 from workbench.reach.online.kernels import LOCAL_LINEAR, Method
 from workbench.reach.ranged_parameters import with_ranged_parameters_as_disturbances
 from workbench.runtime.contents import NestedLevel
@@ -40,6 +41,7 @@ from workbench.runtime.manifest import (
     manifest_to_json,
 )
 from workbench.runtime.monitor_settings import MonitorSettings
+from workbench.runtime.onboard.onboard_settings import ReadingErrors
 from workbench.runtime.onboard.sensors_file import settings_from
 from workbench.runtime.path import PathTable
 from workbench.runtime.policies import BrakeBounds, Deciding
@@ -179,7 +181,7 @@ def bundle_files(spec: MonitorSpec) -> dict[str, bytes]:
     compiled = compile_shared(source)
     manifest = _manifest(spec, ode, compiled)
     if spec.sensors is not None:
-        settings_from(manifest, signed=False, tag=0)
+        _check_reading(settings_from(manifest, signed=False, tag=0).reading, spec.vehicle.unsure())
     files = {
         MANIFEST_FILE: manifest_to_json(manifest).encode(),
         LIBRARY_FILE: compiled.shared_object,
@@ -187,6 +189,21 @@ def bundle_files(spec: MonitorSpec) -> dict[str, bytes]:
         HEADER_FILE: decision_header(manifest.query, manifest.result).encode(),
     }
     return files | {CHECKSUM_FILE: checksums_text(files).encode()}
+
+
+def _check_reading(reading: ReadingErrors, proved: Uncertainty) -> None:
+    """Refuse a monitor that would let the controller read worse than the tubes take it to."""
+    for name, allowed, granted in (
+        ("offset_m", reading.offset_m, proved.lateral_m),
+        ("heading_rad", reading.heading_rad, proved.heading_rad),
+        ("speed_mps", reading.speed_mps, proved.speed_mps),
+    ):
+        if allowed > granted:
+            raise InputError(
+                f"sensors: expected [reading] {name} within the {granted:g} that the vehicle "
+                f"file's [uncertainty] brings into the proof, got {allowed:g}; raise the one, or "
+                "lower the other and measure better"
+            )
 
 
 def _track_loop(vehicle: Vehicle) -> Ode:

@@ -121,6 +121,8 @@ class Core:
         now_us = at_us if ended_us is None else max(at_us, ended_us)
         situation = dataclasses.replace(situation, action=self._permitted(situation, now_us))
         before, order = self._standing.state, self._moved_on(situation, now_us, sight)
+        if order is Order.TRACK:
+            self._follow_reference(sight, decision)
         frames, fault = self._commanded(order, sight, now_us=now_us, elapsed_s=elapsed_s)
         found += fault
         events += news(self._known, found, before=before, after=self._standing.state)
@@ -214,6 +216,11 @@ class Core:
             self._permission.begin(now_us, drives=drives, station_m=sight.station_m)
             self._permission.turn(now_us)
         return order
+
+    def _follow_reference(self, sight: Sight, decision: Decision | None) -> None:
+        """What TRACK was decided for is what it follows; a refused one leaves the last."""
+        if sight.observation is not None and decision and decision.action is Action.TRACK:
+            self._helm.follow(sight.observation.reference_speed_mps)
 
     def _commanded(
         self, order: Order, sight: Sight, *, now_us: int, elapsed_s: float

@@ -16,6 +16,8 @@ from workbench.runtime.onboard.times import seconds
 from workbench.runtime.policies import BrakeBounds
 
 MOST_SENT: Final = 32
+_FORGET_S: Final = 1.0
+"""Rates that are a little wrong add up; what the wheel stayed behind fades within this time."""
 
 
 def reported(intake: Intake, place: Place) -> float | None:
@@ -31,14 +33,21 @@ class Following:
     next value.
 
     sent: instant and outputs of each turn since commands go out; apart_us: since when the output of
-    a system has been too far from its command; pushed_mps: what the commanded acceleration adds up
-    to since the speed report last changed; braking: since when BRAKE is sent, and the fastest that
+    a system has been too far from its command; wheel: instant and angle of the last look at the
+    steering wheel; behind_rad: how far it has stayed behind the rates commanded since, fading: its
+    target lies ahead of it as long as it turns, so that the distance to it says nothing;
+    acceleration_mps2: what was commanded last; pushed_mps: what commands add up to at pushed_us
+    since the speed report last changed; braking: since when BRAKE is sent, and the fastest that
     the car can have been then (m/s).
     """
 
     sent: tuple[tuple[int, Outputs], ...] = ()
     apart_us: Mapping[str, int] = field(default_factory=dict)
+    wheel: tuple[int, float] | None = None
+    behind_rad: float = 0.0
+    acceleration_mps2: float = 0.0
     pushed_mps: float = 0.0
+    pushed_us: int = 0
     braking: tuple[int, float] | None = None
 
     def silent(self) -> Following:
@@ -54,29 +63,60 @@ class Following:
         brakes_from_mps: float | None,
     ) -> Following:
         """One turn's commands. brakes_from_mps: the speed now where BRAKE is sent, else None."""
-        span_s = seconds(at_us - self.sent[-1][0]) if self.sent else 0.0
         braking = None
         if brakes_from_mps is not None:
             braking = (at_us, brakes_from_mps) if self.braking is None else self.braking
         return dataclasses.replace(
             self,
             sent=(*self.sent, (at_us, outputs))[-MOST_SENT:],
-            pushed_mps=self.pushed_mps + span_s * acceleration_mps2,
+            acceleration_mps2=acceleration_mps2,
+            pushed_mps=self._pushed_mps(at_us),
+            pushed_us=at_us,
             braking=braking,
         )
 
     def compared(self, intake: Intake, limits: FaultLimits, now_us: int) -> Following:
         """With what has been reported until now."""
+        wheel = reported(intake, intake.names.steering.output)
+        behind_rad = 0.0 if wheel is None else self._behind_rad(wheel, now_us)
+        errors = dict(_errors(intake))
+        if "steering" in errors:
+            errors["steering"] = abs(behind_rad), errors["steering"][1]
         apart = {
-            name: self.apart_us.get(name, now_us)
-            for name, error in _errors(intake).items()
+            name: self.apart_us.get(name, at_us)
+            for name, (error, at_us) in errors.items()
             if error > (limits.wheel_error_rad if name == "steering" else limits.pedal_error)
         }
         speed = intake.reports.get(intake.names.speed.message)
-        changed = speed is None or speed.same_since_us == speed.at_us
+        pushed_mps = self._pushed_mps(now_us)
+        if speed is None or speed.same_since_us == speed.at_us:
+            since_us = now_us if speed is None else max(speed.at_us, self.pushed_us)
+            pushed_mps = self.acceleration_mps2 * seconds(max(now_us - since_us, 0))
         return dataclasses.replace(
-            self, apart_us=apart, pushed_mps=0.0 if changed else self.pushed_mps
+            self,
+            apart_us=apart,
+            wheel=None if wheel is None else (now_us, wheel),
+            behind_rad=behind_rad,
+            pushed_mps=pushed_mps,
+            pushed_us=now_us,
         )
+
+    def _pushed_mps(self, now_us: int) -> float:
+        """With the last command until now."""
+        if not self.sent:
+            return 0.0
+        return self.pushed_mps + self.acceleration_mps2 * seconds(max(now_us - self.pushed_us, 0))
+
+    def _behind_rad(self, wheel_rad: float, now_us: int) -> float:
+        """With what it should have turned since the last look, and what it has."""
+        if self.wheel is None or not self.sent:
+            return 0.0
+        then_us, from_rad = self.wheel
+        told, span_s = self.sent[-1][1], seconds(max(now_us - then_us, 0))
+        most_rad = told.wheel_rate_radps * span_s
+        due_rad = min(max(told.wheel_rad - from_rad, -most_rad), most_rad)
+        kept = max(1.0 - span_s / _FORGET_S, 0.0)
+        return kept * self.behind_rad + due_rad - (wheel_rad - from_rad)
 
     def found(
         self,
@@ -155,13 +195,16 @@ def _systems(intake: Intake) -> Mapping[str, SystemPlaces]:
     return {"accelerator": names.accelerator, "brake": names.brake, "steering": names.steering}
 
 
-def _errors(intake: Intake) -> Mapping[str, float]:
-    """How far each system's output is from what the vehicle says was commanded."""
+def _errors(intake: Intake) -> Mapping[str, tuple[float, int]]:
+    """How far each system's output is from what the vehicle says was commanded, and when the last
+    report came that says so."""
     errors = {}
     for name, places in _systems(intake).items():
         commanded, output = reported(intake, places.commanded), reported(intake, places.output)
         if commanded is not None and output is not None:
-            errors[name] = abs(output - commanded)
+            messages = (places.commanded.message, places.output.message)
+            at_us = max(intake.reports[message].at_us for message in messages)
+            errors[name] = abs(output - commanded), at_us
     return errors
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import final
+from typing import Final, final
 
 from workbench.runtime.contents import Parameter
 from workbench.runtime.onboard import observing
@@ -21,8 +21,13 @@ from workbench.runtime.onboard.pid import (
     TrackLaw,
     advanced,
     law_of,
+    ramped_reference_mps,
 )
 from workbench.runtime.onboard.states import Mode, Order
+
+_RESTED_S: Final = 1.0
+_MOST_MS: Final = 2.4
+"""Of the offset's integral at a start: four fifths of the shipped operating region."""
 
 
 @final
@@ -32,6 +37,13 @@ class Helm:
     parameters: of the bundle's loop, from which the law is; upstream: whose commands pass instead
     of ours, None for ours. In SHADOW nothing is carried out. The speed's integral begins anew with
     every switch between TRACK and BRAKE, as in the proof; both are 0 while nothing is driven.
+    The reference speed begins at the speed that is read and goes to the target with no more change
+    from decision to decision than the pedals' slew lets through in one turn (a jump would be
+    withheld, which no tube holds). `integrals` names the next one, and TRACK follows it only once
+    it was decided on (`follow`): the speed that a tube is about is the one that is followed. For
+    the same reason the offset's integral of a car that has rested (no plan is about it any more) is
+    the one with which the wheel does not turn at first: the offset at the start is driven out by
+    the integral, over kp / ki.
     Raises InputError for a vehicle or a loop that cannot be driven.
     """
 
@@ -50,14 +62,15 @@ class Helm:
         self._integrals = Integrals()
         self._command = NOTHING
         self._order = Order.SILENT
+        self._rested_s = 0.0
+        self._reference_mps = self._next_mps = settings.reference_speed_mps
         self.fault = ""
 
     @property
     def integrals(self) -> observing.Integrals:
-        """The integrals now, as an observation has them."""
+        """The integrals now, as an observation has them, and the reference speed to decide on."""
         speed, offset = self._integrals.speed_m, self._integrals.offset_ms
-        reference_mps = self._settings.reference_speed_mps
-        return observing.Integrals((speed, speed), (offset, offset), reference_mps)
+        return observing.Integrals((speed, speed), (offset, offset), self._next_mps)
 
     @property
     def outputs(self) -> Outputs | None:
@@ -78,6 +91,19 @@ class Helm:
     def elapse(self, elapsed_s: float) -> None:
         """So much time has passed under the last command."""
         self._integrals = advanced(self._integrals, self._command, elapsed_s)
+        if self._driver is not None:
+            dbw = self._settings.drive_by_wire
+            self._next_mps = ramped_reference_mps(
+                self._driver[1],
+                self._reference_mps,
+                target_mps=self._settings.reference_speed_mps,
+                slew_mps3=dbw.pedals.slew_mps3,
+                step_s=min(elapsed_s, dbw.turn_s),
+            )
+
+    def follow(self, reference_speed_mps: float) -> None:
+        """TRACK was decided on an observation that names this reference speed."""
+        self._reference_mps = reference_speed_mps
 
     def carry_out(
         self, order: Order, reading: Reading | None, *, read_back_rad: float, elapsed_s: float
@@ -90,12 +116,17 @@ class Helm:
         self.fault = ""
         if self._driver is None:
             return ()
+        if order is not Order.TRACK and reading is not None:
+            self._reference_mps = max(reading.speed_mps, 0.0)
         commander, law = self._driver
         if order in (Order.TRACK, Order.BRAKE):
             now = _Now(commander, law, reading, read_back_rad, elapsed_s)
             self._switched(order)
+            self._rest(order, now)
             return self._driven(order, now)
         self._integrals, self._command, self._order = Integrals(), NOTHING, order
+        # Only a car that stands is armed.
+        self._rested_s = _RESTED_S
         if order is Order.ENABLE:
             return commander.enable(read_back_rad)
         if order is Order.CLEAR_OVERRIDE:
@@ -106,6 +137,17 @@ class Helm:
         if order is not self._order:
             self._integrals = replace(self._integrals, speed_m=0.0)
         self._order = order
+
+    def _rest(self, order: Order, now: _Now) -> None:
+        """The offset's integral of a car that is braked and rests."""
+        if order is Order.TRACK:
+            self._rested_s = 0.0
+        elif now.reading is not None:
+            stands = now.reading.speed_mps <= self._settings.drive_by_wire.stop_speed_mps
+            self._rested_s = self._rested_s + now.elapsed_s if stands else 0.0
+            if self._rested_s >= _RESTED_S:
+                offset_ms = now.law.at_rest(now.reading, most_ms=_MOST_MS)
+                self._integrals = replace(self._integrals, offset_ms=offset_ms)
 
     def _driven(self, order: Order, now: _Now) -> tuple[Frame, ...]:
         if order is Order.TRACK:
@@ -131,7 +173,7 @@ class Helm:
             command = now.law.track(
                 now.reading,
                 self._integrals,
-                reference_speed_mps=self._settings.reference_speed_mps,
+                reference_speed_mps=self._reference_mps,
             )
         if not _finite(command):
             self.fault = "the control law gives no command here"

@@ -20,7 +20,8 @@ class LastResort:
     """
 
     def __init__(self, drive_by_wire: DriveByWire, mode: Mode) -> None:
-        self._brake: tuple[Frame, ...] = ()
+        self._pedals: tuple[Frame, ...] = ()
+        self._enable: tuple[Frame, ...] = ()
         self._disable: tuple[Frame, ...] = ()
         self._steering: tuple[Frame, ...] = ()
         self._steering_id = -1
@@ -30,11 +31,12 @@ class LastResort:
         self._steering_id = protocol.by_name["STEERING_CMD"].frame_id
         flags = {"PACMOD_ENABLE": 1, "CLEAR_OVERRIDE": 0, "IGNORE_OVERRIDE": 0}
         profile = drive_by_wire.pedals.brake_profile
-        self._brake = (
-            _frame(protocol, "GLOBAL_CMD", flags),
+        # The pedals come before all else, as in every other turn.
+        self._pedals = (
             _frame(protocol, "ACCEL_CMD", {"ACCEL_CMD": 0.0}),
             _frame(protocol, "BRAKE_CMD", {"BRAKE_CMD": profile}),
         )
+        self._enable = (_frame(protocol, "GLOBAL_CMD", flags),)
         self._disable = (_frame(protocol, "GLOBAL_CMD", flags | {"PACMOD_ENABLE": 0}),)
 
     def sent(self, frames: Iterable[Frame]) -> None:
@@ -45,7 +47,7 @@ class LastResort:
 
     def brake(self) -> tuple[Frame, ...]:
         """ENABLE, accelerator 0, the brake profile, steering as last sent."""
-        return (*self._brake, *self._steering)
+        return (*self._pedals, *self._steering, *self._enable)
 
     def disable(self) -> tuple[Frame, ...]:
         """ENABLE 0."""

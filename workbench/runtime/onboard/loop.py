@@ -197,11 +197,12 @@ class Loop:
         self._made_us = at_us
         result = self._core.turn(at_us, self._decided)
         self.counts.turns += 1
+        # Without a bus there is nothing to send on: opening it may be what the answer waits for.
+        self._reopen()
         if self._sends:
             self._send(result.frames)
         self._around.turned(result, self.counts)
-        if self._bus is None:
-            self._reopen()
+        self._reopen()
         return result
 
     def _decided(self) -> int:
@@ -273,9 +274,9 @@ class Loop:
             self._retry_us = now_us
 
     def _reopen(self) -> None:
-        """Try again at the end of a turn, less often each time; opening may take its time."""
+        """Try again, less often each time, but not while listening: opening may take its time."""
         now_us = self._clock.now_us()
-        if now_us < self._retry_us:
+        if self._bus is not None or now_us < self._retry_us:
             return
         self.counts.reopened += 1
         try:

@@ -102,6 +102,17 @@ class TrackLaw:
         share = min(max(reading.speed_mps / stop_speed_mps - 1.0, 0.0), 1.0)
         return _finite(LawCommand(0.0, share * rate, 0.0, share * integral_rate))
 
+    def at_rest(self, reading: Reading, *, most_ms: float) -> float:
+        """Integral of the offset (m s), up to +- most_ms, with which TRACK begins without turning.
+
+        - kp e_l / ki of a standing car; 0 where there is no such number.
+        """
+        ahead_m = reading.offset_m + self.look_ahead_m * math.sin(reading.heading_error_rad)
+        if not (math.isfinite(ahead_m) and self.steering_integral > 0.0):
+            return 0.0
+        wanted = -self.steering_proportional * ahead_m / self.steering_integral
+        return min(max(wanted, -most_ms), most_ms)
+
     def _steering(self, reading: Reading, integrals: Integrals) -> tuple[float, float]:
         """Steering rate and the rate of its integral; NaN where they cannot be computed."""
         r, integral, speed = reading, integrals.offset_ms, reading.speed_mps

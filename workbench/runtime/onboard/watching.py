@@ -7,21 +7,21 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, final
 
-from workbench.runtime.arc import Interval
 from workbench.runtime.contents import Manifest
 from workbench.runtime.observation import Observation
 from workbench.runtime.onboard.counting import NEVER, Count
 from workbench.runtime.onboard.faults import Fault, Found
 from workbench.runtime.onboard.following import Following, reported
-from workbench.runtime.onboard.found_in_car import found_in_mode, found_in_setting
+from workbench.runtime.onboard.found_in_car import found_in_mode, found_in_setting, stands
 from workbench.runtime.onboard.found_on_bus import found_in_reports, found_in_sets, found_on_bus
 from workbench.runtime.onboard.gate import Upstream
 from workbench.runtime.onboard.intake import Intake
+from workbench.runtime.onboard.law_reading import LawReading, middle
 from workbench.runtime.onboard.observing import Integrals, NotObserved, Unobserved, observe
 from workbench.runtime.onboard.onboard_settings import OnboardSettings
 from workbench.runtime.onboard.pid import Reading
 from workbench.runtime.onboard.plausibility import Agreement
-from workbench.runtime.onboard.states import Mode, Standing
+from workbench.runtime.onboard.states import Mode, Standing, State
 from workbench.runtime.onboard.times import seconds
 from workbench.runtime.path import PathTable
 from workbench.runtime.projection import NoProjection, PathPose
@@ -74,6 +74,8 @@ class Watch:
         self._impossible: dict[int, tuple[str, Count]] = {}
         limits = settings.limits
         self._agreement = Agreement()
+        self._law_reading = LawReading(middle(sensors.wheelbase_m), settings.reading)
+        self._read_us = 0
         names = self.intake.names
         speed, wheel = names.speed, names.steering.output
         reach = dbw.steering.wheel_limit_rad + limits.wheel_step_rad
@@ -107,15 +109,17 @@ class Watch:
         pose = None if observation is None else self._projected(observation)
         where = pose if isinstance(pose, PathPose) else None
         found = [*self._found(at_us, standing), *self._unseen(seen, pose, at_us)]
+        reading = None
         if observation is not None and where is not None:
             found += self._coarse(observation, where, at_us)
-            self._station_m = _middle(where.station)
+            self._station_m = middle(where.station)
+            reading = self._reading(observation, where, at_us, standing)
         first = {each.fault: each for each in reversed(found)}
         people = intake.people
         wheel = reported(intake, intake.names.steering.output)
         return Sight(
             observation,
-            None if observation is None or where is None else self._reading(observation, where),
+            reading,
             self._station_m,
             math.nan if wheel is None else wheel,
             0 if isinstance(people, NoSet) else people.value.number,
@@ -173,18 +177,23 @@ class Watch:
     def _projected(self, seen: Observation) -> PathPose | NoProjection:
         return self._path.project(seen.x, seen.y, seen.heading, near_station_m=self._station_m)
 
-    def _reading(self, seen: Observation, pose: PathPose) -> Reading:
-        """The middles of all that is known, and the path's curvature there."""
+    def _reading(
+        self, seen: Observation, pose: PathPose, at_us: int, standing: Standing
+    ) -> Reading | None:
+        """What the law reads, with the path's curvature there."""
         path = self._path
-        place = (_middle(pose.station) - path.start_m) / path.spacing_m
+        place = (middle(pose.station) - path.start_m) / path.spacing_m
         j = min(max(math.floor(place), 0), len(path.curvature_lower) - 1)
-        return Reading(
-            _middle(pose.offset),
-            _middle(pose.heading_error),
-            _middle(seen.steering),
-            _middle(seen.speed),
+        tracks = standing.state is State.TRACKING
+        self._law_reading = self._law_reading.seen(
+            seen,
+            pose,
             0.5 * (path.curvature_lower[j] + path.curvature_upper[j]),
+            elapsed_s=seconds(max(at_us - self._read_us, 0)),
+            free=not tracks and stands(self.intake, self._settings.limits),
         )
+        self._read_us = at_us
+        return self._law_reading.reading
 
     def _impossible_value(self, identifier: int, data: bytes, at_us: int) -> str | None:
         bounds = self._bounds.get(identifier)
@@ -204,7 +213,3 @@ class Watch:
         if abs(change) <= most:
             return None
         return f"{frame.message}.{signal}: changed by {change:g}, at most {most:g} is possible"
-
-
-def _middle(ends: Interval) -> float:
-    return 0.5 * (ends[0] + ends[1])
