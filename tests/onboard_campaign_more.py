@@ -31,6 +31,7 @@ OFF_BUS = (
         lambda world, made, found: None, on_bus=False),
 )  # fmt: skip
 ANY = tuple(Fault)
+REPLAYED_US = 400_000
 
 
 def _scaled(message: str, signal: str, by: float) -> Row:
@@ -50,11 +51,11 @@ def _shifted(message: str, signal: str, by: float) -> Row:
 PARTLY = (
     *(
         Row(f"{name} replayed", ANY, lambda at, dice, name=name: Replayed(  # type: ignore[misc]
-            at, of=identifiers(name), window_us=400_000))
+            at, of=identifiers(name), window_us=REPLAYED_US), after_us=REPLAYED_US)
         for name in NEEDED
     ),
     Row("all reports replayed", ANY, lambda at, dice: Replayed(
-        at, of=identifiers(*NEEDED), window_us=400_000)),
+        at, of=identifiers(*NEEDED), window_us=REPLAYED_US), after_us=REPLAYED_US),
     *(_scaled("VEHICLE_SPEED_RPT", "VEHICLE_SPEED", by) for by in (0.7, 0.9, 1.1, 1.3)),
     *(_shifted("VEHICLE_SPEED_RPT", "VEHICLE_SPEED", by) for by in (-0.5, -0.2, 0.2, 0.5)),
     *(_shifted("STEERING_RPT_1", "OUTPUT_VALUE", by) for by in (-1.0, -0.3, 0.3, 1.0)),

@@ -80,7 +80,7 @@ LAST = ("LOC_RADII",)
 class Row:
     """make: what goes wrong from an instant on; faults: what may answer it, the named one first;
     truth: when it was there; most_us: how long it may stay hidden; from_us: what is driven until
-    then; on_bus: whether the answer can reach the bus."""
+    then; on_bus: whether the answer can reach the bus; after_us: so long nothing goes wrong yet."""
 
     name: str
     faults: tuple[Fault, ...]
@@ -90,6 +90,7 @@ class Row:
     from_us: int = DRIVEN_US
     mode: Mode = Mode.DRIVE
     on_bus: bool = True
+    after_us: int = 60_000
 
 
 def _stops(name: str) -> Row:

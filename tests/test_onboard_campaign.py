@@ -32,7 +32,7 @@ def one(row: Row, number: int, *, within_us: int = BEAT_US) -> Answer | None:
 
     def work() -> Answer | None:
         world = warm(row.mode, number % WORLDS, row.from_us)
-        made = row.make(world.timeline.now_us + dice.randrange(60_000, within_us), dice)
+        made = row.make(world.timeline.now_us + row.after_us + dice.randrange(within_us), dice)
         *others, last = made if isinstance(made, tuple) else (made,)
         for each in others:
             world.inject(each)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import final
 
 from workbench.errors import InputError
-from workbench.simulation.tables import Row, Table
+from workbench.estimation.tables import Row, Table
 
 VEHICLE_COLUMNS = ("recording", "agent", "kind", "t", "x", "y", "heading", "v")
 PEOPLE_COLUMNS = ("recording", "agent", "kind", "t", "x", "y")
