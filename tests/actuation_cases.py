@@ -13,6 +13,7 @@ from workbench.models.vehicle import Vehicle, gem_e2_drive_path, load_vehicle
 from workbench.runtime.onboard.actuation import Sent, Wanted, actuate, resting
 from workbench.runtime.onboard.commands import Commander, Frame
 from workbench.runtime.onboard.drive_by_wire import DriveByWire
+from workbench.runtime.onboard.times import SEND_US, seconds
 from workbench.runtime.protocols import Decoded, decode, load_protocol
 
 PACMOD2 = load_protocol("pacmod2")
@@ -158,23 +159,27 @@ def drive(plant: Plant, *, seed: int, turns: int = 90) -> Worst:
     commander, at_s = Commander(dbw), 0.0
     plant.hear(-1.0, values(commander.enable(plant.report_rad(0.0))))
     wanted, worst = Wanted(0.0, 0.0), [0.0, 0.0]
-    elapsed_s, counted = dbw.turn_s, 0
+    (elapsed_s, made_s), counted = _pace(rng, dbw), 0
     for turn in range(turns):
         wanted = _next(rng, dbw, wanted, elapsed_s)
         frames = commander.track(
             wanted.acceleration_mps2, wanted.steering_rate_radps,
-            read_back_rad=plant.report_rad(at_s), elapsed_s=elapsed_s,
+            read_back_rad=plant.report_rad(at_s), elapsed_s=elapsed_s, made_s=made_s,
         )  # fmt: skip
         assert frames
         assert commander.last is not None
         if commander.last.fault:
             return Worst(worst[0], worst[1], counted / turns, commander.last.fault)
-        plant.hear(at_s, values(frames))
-        elapsed_s = rng.choice((dbw.turn_s, 0.8 * dbw.turn_s, rng.uniform(0.02, dbw.turn_s)))
         counts = commander.last.covered and turn > 8
         counted += counts
+        # The frames are under way for as long as they may be.
+        heard_s, heard = at_s + made_s + rng.choice((0.0, seconds(SEND_US))), False
+        elapsed_s, made_s = _pace(rng, dbw)
         end_s = at_s + elapsed_s
         while at_s + STEP_S <= end_s:
+            if at_s >= heard_s and not heard:
+                plant.hear(at_s, values(frames))
+                heard = True
             plant.step(at_s)
             if counts:
                 found = (
@@ -184,6 +189,13 @@ def drive(plant: Plant, *, seed: int, turns: int = 90) -> Worst:
                 worst = [max(pair) for pair in zip(worst, found, strict=True)]
             at_s += STEP_S
     return Worst(worst[0], worst[1], counted / turns, "")
+
+
+def _pace(rng: random.Random, dbw: DriveByWire) -> tuple[float, float]:
+    """How long a turn is, and how long after its begin the next one makes its frames."""
+    most_s = dbw.turn_s - seconds(SEND_US)
+    elapsed_s = rng.choice((0.8 * most_s, rng.uniform(0.5 * most_s, most_s)))
+    return elapsed_s, rng.choice((0.0, rng.uniform(0.0, most_s - elapsed_s), most_s - elapsed_s))
 
 
 def _next(rng: random.Random, dbw: DriveByWire, wanted: Wanted, elapsed_s: float) -> Wanted:

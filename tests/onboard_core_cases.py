@@ -35,7 +35,7 @@ _LAW = {
 }  # fmt: skip
 DRIVE_BY_WIRE = DriveByWire(
     protocol="pacmod2",
-    turn_s=0.05,
+    turn_s=0.058,
     speed_error_mps=0.03,
     stop_speed_mps=0.2,
     steering=Steering(
@@ -92,7 +92,7 @@ SENSORS = SensorBounds(
     report_age_us=100_000,
 )
 SETTINGS = OnboardSettings(
-    timing=Timing(period_s=0.12, latency_s=0.05, send_gap_s=0.05),
+    timing=Timing(period_s=0.12, latency_s=0.05, send_gap_s=0.058),
     release_steps=1,
     clearance_required_m=0.5,
     start_station_m=None,

@@ -139,6 +139,7 @@ CASES: dict[str, tuple[Fault, Change]] = {
     "backwards": (Fault.CLOCK_BACKWARDS, _earlier),
     "off": (Fault.BUS_ERROR, _bus_error(BusError.BUS_OFF)),
     "cannot send": (Fault.BUS_ERROR, _bus_error(BusError.SEND)),
+    "commands late": (Fault.NOT_COVERED, _bus_error(BusError.LATE)),
     "error frame": (Fault.ERROR_FRAME, _bus_error(BusError.ERROR_FRAME)),
     "nothing": (Fault.BUS_SILENT, _silent(*PACMOD2.by_name, *OWN.by_name)),
     "wrong CRC": (Fault.INTEGRITY, _corrupt),

@@ -26,7 +26,7 @@ from workbench.runtime.onboard.states import Mode, Request, State
 
 ARM_US = 2_500_000
 # What `workbench build` takes without --timing and --release-steps.
-MONITOR = MonitorSettings(5, 0.2, Timing(period_s=0.12, latency_s=0.1, send_gap_s=0.04))
+MONITOR = MonitorSettings(5, 0.2, Timing(period_s=0.12, latency_s=0.1, send_gap_s=0.055))
 _NODES = 400
 PATH = PathTable(
     -20.0, 0.5, tuple(0.5 * j - 20.0 for j in range(_NODES)), (0.0,) * _NODES, (0.0,) * _NODES,

@@ -102,15 +102,15 @@ def test_no_ratio_beats_the_error_of_the_pedals(
 def test_each_part_counts() -> None:
     dbw = shipped()
     parts = acceleration_bound(dbw)
-    assert parts.delay == pytest.approx(1.0 * (0.04 + 0.05 + 0.1))
+    assert parts.delay == pytest.approx(1.0 * (0.055 + 0.05 + 0.1))
     assert parts.maps == pytest.approx(0.15 + 0.0005 * 8.0)
     assert parts.dead_band == pytest.approx(0.1 + 0.05)
     assert parts.total == pytest.approx(max(parts.maps, parts.dead_band) + parts.delay + 0.05)
     turning = steering_bound(dbw, reading_gain_per_s=2.0)
-    assert turning.delay == pytest.approx(0.4 * (0.04 + 0.03 + 0.02))
+    assert turning.delay == pytest.approx(0.4 * (0.055 + 0.03 + 0.02))
     steepest = max(dbw.steering.road_wheel.slopes)
     assert turning.reading == pytest.approx(2.0 * (0.001 + 0.005 * steepest))
-    until_s = 0.05 + 0.04 + 0.05
+    until_s = 0.05 + 0.055 + 0.05
     turned_rad = 1.05 * 0.4 * until_s**2 + (0.01 + 0.005 + 0.0005) * steepest
     least = turned_rad / (1.2 - 1.05 * until_s)
     assert turning.dead_band == pytest.approx(2.05 * least + 0.0005 * steepest)

@@ -186,7 +186,7 @@ def test_commands_never_outrun_their_slew(asked: list[tuple[float, float, float,
         kept_back = abs(rate - out.sent.command.steering_rate_radps)
         assert out.withheld.steering_rate_radps == kept_back
         assert not out.covered or (
-            held_back <= 0.05 and kept_back <= 0.005 and elapsed <= dbw.turn_s
+            held_back <= 0.05 and kept_back <= 0.005 and elapsed + 0.008 <= dbw.turn_s
         )
         assert _within_limits(out.sent.outputs)
         before = out.sent
@@ -250,7 +250,7 @@ def test_a_brake_without_a_path_keeps_the_last_valid_angle() -> None:
         assert out.sent.outputs.wheel_rad == before.hold_rad
         assert out.sent.command == Wanted(0.0, 0.0)
         before = out.sent
-    assert before.hold_rad == pytest.approx(4.0, abs=0.2)
+    assert before.hold_rad == pytest.approx(4.0, abs=0.25)
 
 
 @given(_ANY)

@@ -29,7 +29,7 @@ from workbench.runtime.path import PathTable
 from workbench.runtime.signed_bundle import load_signed_bundle
 
 _PATH = PathTable(0.0, 0.5, (0.0, 0.5, 1.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 2, (0.0,) * 2)
-_MONITOR = MonitorSettings(5, 0.2, Timing(period_s=0.12, latency_s=0.1, send_gap_s=0.04))
+_MONITOR = MonitorSettings(5, 0.2, Timing(period_s=0.12, latency_s=0.1, send_gap_s=0.055))
 
 
 def _manifest() -> Manifest:
@@ -98,7 +98,7 @@ _WIRE, _STEERING = "drive_by_wire", ("drive_by_wire", "steering")
         (_edit("monitor", "release_steps", to=True), "monitor.release_steps: expected an integer"),
         (_edit("monitor", "clearance_required_m", to=-1), "clearance_required_m >= 0"),
         (_edit("monitor", "timing", "period_s", to=-1), "monitor.timing: period_s"),
-        (_edit("monitor", "timing", "send_gap_s", to=0.05), "send_gap_s within the drive-by-wire"),
+        (_edit("monitor", "timing", "send_gap_s", to=0.06), "send_gap_s within the drive-by-wire"),
     ],
 )
 def test_a_malformed_entry_names_the_key(
@@ -136,10 +136,10 @@ def test_the_driving_vehicle_is_the_shipped_one_and_its_drive_by_wire() -> None:
 def test_what_commands_bring_about_reaches_the_brake_and_the_premises() -> None:
     spec = MonitorSpec(drive_vehicle(), 2.0, 0.05)
     bounds = brake_bounds(drive_vehicle())
-    assert bounds.deceleration_min_mps2 < 2.0 - 0.39
+    assert bounds.deceleration_min_mps2 < 2.0 - 0.4
     said = {each.name: each for each in assumptions(spec)}
-    assert "within 0.394 m/s^2" in said["estimation"].statement
-    assert "within the last 0.19 s (pedals), 0.09 s (steering)" in said["actuation"].statement
+    assert "within 0.409 m/s^2" in said["estimation"].statement
+    assert "within the last 0.205 s (pedals), 0.105 s (steering)" in said["actuation"].statement
     assert "actuation" not in {each.name for each in assumptions(MonitorSpec(gem_e2(), 2.0, 0.05))}
 
 
@@ -147,7 +147,7 @@ def test_what_commands_bring_about_reaches_the_brake_and_the_premises() -> None:
     ("old", "new", "message"),
     [
         ('protocol = "pacmod2"', "protocol = 2", "text in quotes"),
-        ("turn_s = 0.04\n", "", r"\[drive_by_wire\] lacks the key turn_s"),
+        ("turn_s = 0.055\n", "", r"\[drive_by_wire\] lacks the key turn_s"),
         ("lead_s = 1.2", "lead_s = 0.1", "lead_s: expected more than"),
         ("lead_s = 1.2", "lead_m = 1.2", "unknown key 'lead_m'.*nearest known one is 'lead_s'"),
         ("lead_s = 1.2", "angle_limit_rad = 1.2", "unknown key 'angle_limit_rad'"),
@@ -258,7 +258,7 @@ def test_build_puts_all_of_it_into_a_bundle_and_signs_it(
     assert manifest.sensors == (tmp_path / "kept.toml").read_text()
     assert manifest.drive_by_wire == dataclasses.replace(shipped(), stop_speed_mps=0.5)
     assert manifest.path == path_from_csv(path)
-    timing = Timing(period_s=0.12, latency_s=0.1, send_gap_s=0.04)
+    timing = Timing(period_s=0.12, latency_s=0.1, send_gap_s=0.055)
     assert manifest.monitor == MonitorSettings(5, 0.3, timing)
 
 

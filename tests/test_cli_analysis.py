@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import html
+import itertools
 import json
 import re
 import shlex
@@ -25,7 +26,7 @@ from workbench.cli.main import load_command
 from workbench.cli.methods import LOCAL, REGION, TUBES
 from workbench.models import PathFrame
 from workbench.models.benchmarks import all_benchmarks, b1, b1_small
-from workbench.models.vehicle import gem_e2
+from workbench.models.vehicle import gem_e2, gem_e2_drive_path, load_vehicle
 from workbench.sensitivity.sampling import rollout, sample_initial_states
 from workbench.sensitivity.scenario import pairs_needed
 
@@ -68,6 +69,31 @@ def test_reach_writes_a_tube_that_holds_sampled_runs_of_the_shipped_vehicle(tmp_
             assert np.all((ends >= first - 1e-7) & (ends <= last + 1e-7))
     assert found.data["half_widths"][3] == pytest.approx((upper[-1] - lower[-1]) / 2)
     assert "Reach tube of GEM e2" in page.read_text(encoding="utf-8")
+
+
+def test_unsure_puts_what_the_vehicle_file_is_unsure_of_into_the_tube(tmp_path: Path) -> None:
+    words = ["--vehicle", gem_e2_drive_path(), "--horizon", "1", "--step", "0.05"]
+    target = tmp_path / "tube.csv"
+    sure = invoke("reach", *words, "--json")
+    found = invoke("reach", *words, "--unsure", "--csv", target, "--json")
+    assert (found.status, found.data["rigor"]) == (0, "ENCLOSED")
+    assert "--unsure puts it in" in sure.err
+    assert "--unsure" not in found.err
+    vehicle = load_vehicle(gem_e2_drive_path())
+    loop = vehicle.uncertain_loop(vehicle.track(), PathFrame(0.0, 0.0))
+    ends = [(each.lower, each.upper) for each in loop.ode.disturbances]
+    corners = np.array(list(itertools.product(*ends)))
+    states = sample_initial_states(vehicle.initial_set, count=len(corners) * 10, seed=3)
+    runs = rollout(
+        loop, states, horizon_s=1.0, step_s=0.0125, disturbances=np.tile(corners, (10, 1))
+    )[:, ::4]
+    lower, upper = table_of(target, "instant", "lower"), table_of(target, "instant", "upper")
+    assert np.all((runs >= lower - 1e-7) & (runs <= upper + 1e-7))
+    # The tube without them does not hold these runs: the widths are not merely padded.
+    narrow, wide = (np.array(each.data["half_widths"][-1]) for each in (sure, found))
+    reached = (runs[:, -1].max(0) - runs[:, -1].min(0)) / 2.0
+    assert np.all(reached <= wide * (1.0 + 1e-9))
+    assert np.any(reached > 1.1 * narrow)
 
 
 def test_parts_never_widen_the_tube() -> None:

@@ -51,6 +51,8 @@ COMMANDS = ("derive", "learn", "examine --out {tmp}", "reach", "gains")
         ("derive --cells 1000000000000", "--cells: expected at most 100000"),
         ("bench --board cold-start --bundle {tmp}/none", "--bundle: expected a bundle folder"),
         ("reach --system b1 --curvature 0 0", "expected --system or --curvature, got both"),
+        ("reach --system b1 --unsure", "--unsure: expected the vehicle's continuous loop"),
+        ("reach --sampled --unsure", "--unsure: expected the vehicle's continuous loop, got --sam"),
         ("derive --system b1 --vehicle x", "expected --system or --vehicle, got both"),
         ("derive --system b1 --over operation", "has no operating region; use --over tube"),
         ("derive --method nothing", "invalid choice: 'nothing'"),

@@ -228,7 +228,8 @@ assert state.alive and state.failed > 0, state
 kept = numbers(raw(folder))
 assert kept[:200] == list(range(200)) and kept == sorted(kept), kept[:300]
 assert len(in_mcap(folder)) > 200
-assert longest < 0.02, longest
+# Who waited for the disk would wait until somebody makes room.
+assert longest < 1.0, longest
 print("held")
 """
 

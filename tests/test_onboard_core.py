@@ -178,6 +178,19 @@ def test_a_decision_that_is_late_is_an_overrun_and_does_not_track_on(takes_us: i
     assert (result.state, brakes(result)) == (State.BRAKING, True)
 
 
+@pytest.mark.parametrize(("takes_us", "covered"), [(17_000, True), (17_100, False)])
+def test_a_decision_that_makes_commands_late_brakes_and_does_not_latch(
+    takes_us: int, covered: bool
+) -> None:
+    """turn_s = 58 ms: a turn of 33 ms, 8 ms of sending, and what is left for the decision."""
+    b = driven()
+    b.takes_us = takes_us
+    result = _until_decided(b)
+    assert (Fault.NOT_COVERED in faults(result)) is not covered
+    assert result.state is (State.TRACKING if covered else State.BRAKING)
+    assert brakes(result) is not covered
+
+
 def test_a_clock_that_raises_or_runs_backwards_brakes() -> None:
     b = driven()
     while b.turns % DECIDE_EVERY:

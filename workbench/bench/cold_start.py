@@ -33,7 +33,7 @@ zeros, bins = (0.0,) * nodes, (0.0,) * (nodes - 1)
 path = PathTable(0.0, 0.5, line, zeros, zeros, bins, bins)
 monitor = Monitor(
     bundle, path, release_steps=1, clearance_required_m=0.0, clock=lambda: 0.01,
-    timing=Timing(period_s=0.1, latency_s=0.05, send_gap_s=0.03),
+    timing=Timing(period_s=0.1, latency_s=0.05, send_gap_s=0.05),
 )
 region = bundle.manifest.region
 limits = MotionLimits(bundle.manifest.guard_speed_max_mps, bundle.manifest.guard_accel_max_mps2)

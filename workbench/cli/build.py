@@ -40,7 +40,7 @@ KERNELS: Final = ("local", "enclosed")
 FORMS: Final = ("linear", "quadratic")
 _WHOLE_S = 1e-9
 # Every third turn of 30 Hz decides; a check may take as long as the next one waits.
-_TIMING_S: Final = (0.12, 0.1, 0.04)
+_TIMING_S: Final = (0.12, 0.1, 0.055)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -20,7 +21,7 @@ from workbench.cli.analysis_options import (
     text_table,
     writable_file,
 )
-from workbench.cli.common import write_text
+from workbench.cli.common import chosen_vehicle, write_text
 from workbench.cli.output import emit, warn
 from workbench.cli.reach_sampled import run_sampled
 from workbench.cli.reach_switch import add_switch_options, chosen_switch
@@ -52,6 +53,11 @@ _PLOTTED_RUNS: Final = 200
 def configure(parser: argparse.ArgumentParser) -> None:
     """Loop, time grid, partition, and the files to write."""
     add_subject_options(parser)
+    parser.add_argument(
+        "--unsure",
+        action="store_true",
+        help="with all that the vehicle file is unsure of: [uncertainty] and [drive_by_wire]",
+    )
     add_time_options(parser, step_s=0.05)
     parser.add_argument(
         "--parts",
@@ -71,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     separate_files(args, "csv", "plot")
     writable_file(args.csv, "--csv")
     writable_file(args.plot, "--plot")
-    subject = chosen_subject(args)
+    subject = _subject(args)
     parts = _parts(args.parts, subject)
     if args.sampled:
         return run_sampled(args, subject, parts)
@@ -101,6 +107,32 @@ def run(args: argparse.Namespace) -> int:
     if left:
         warn(f"the tube is not inside the vehicle's operating region: {left}")
     return 0 if tube.complete else 1
+
+
+def _subject(args: argparse.Namespace) -> Subject:
+    """What `--vehicle` or `--system` names, with its disturbances where `--unsure` asks."""
+    subject = chosen_subject(args)
+    if args.system is not None or args.sampled:
+        if args.unsure:
+            raise InputError(
+                "--unsure: expected the vehicle's continuous loop, got "
+                f"{'--sampled' if args.system is None else '--system'}; leave one of them out"
+            )
+        return subject
+    from workbench.models.bicycle import PathFrame
+
+    vehicle = chosen_vehicle(args)
+    frame = PathFrame(*(args.curvature or (0.0, 0.0)))
+    sure = vehicle.closed_loop(vehicle.track(), frame)
+    unsure = vehicle.uncertain_loop(vehicle.track(), frame)
+    if args.unsure:
+        return dataclasses.replace(subject, system=unsure)
+    if (unsure.disturbance, unsure.estimation_error) != (sure.disturbance, sure.estimation_error):
+        warn(
+            "the tube leaves out what the vehicle file is unsure of; a bundle's tubes hold it, and "
+            "--unsure puts it in"
+        )
+    return subject
 
 
 def _written(args: argparse.Namespace) -> list[Path]:

@@ -8,6 +8,7 @@ from typing import final
 
 from workbench.runtime.onboard.curve import Curve
 from workbench.runtime.onboard.drive_by_wire import DriveByWire, Pedals, Steering
+from workbench.runtime.onboard.times import SEND_US, seconds
 
 __all__ = [
     "Actuated", "Curve", "DriveByWire", "Outputs", "Pedals", "Sent", "Steering", "Wanted",
@@ -55,8 +56,9 @@ class Actuated:
     """One turn's outcome.
 
     withheld: how far the command sent stays behind the one wanted, as magnitudes; covered: whether
-    the tube's disturbance holds for this turn: withheld within its share, no more than turn_s since
-    the last turn, and the wheel's target far enough ahead in spite of the angle's limit. fault: why
+    the tube's disturbance holds for this turn: withheld within its share, no more than turn_s from
+    the last turn's begin until this one's frames are out (at most SEND_US after they were made),
+    and the wheel's target far enough ahead in spite of the angle's limit. fault: why
     BRAKE is sent, or ''.
     """
 
@@ -78,9 +80,15 @@ def resting(dbw: DriveByWire, read_back_rad: float) -> Sent | None:
 
 
 def actuate(
-    dbw: DriveByWire, wanted: Wanted, *, read_back_rad: float, before: Sent, elapsed_s: float
+    dbw: DriveByWire,
+    wanted: Wanted,
+    *,
+    read_back_rad: float,
+    before: Sent,
+    elapsed_s: float,
+    made_s: float = 0.0,
 ) -> Actuated:
-    """What TRACK sends for `wanted`.
+    """What TRACK sends for `wanted`, elapsed_s after the last turn, made_s after this one began.
 
     Command: wanted, changed since `before` by at most slew times elapsed_s (at most turn_s).
     Pedals: the ratio whose middle is the command; neither within the dead band. Steering: the
@@ -101,7 +109,7 @@ def actuate(
     accelerator, brake = _pedals(dbw.pedals, command.acceleration_mps2)
     raw = _outputs(dbw, command, read_back_rad, (accelerator, brake))
     sent = _sent(dbw, command, raw, read_back_rad, before)
-    in_time = elapsed_s <= dbw.turn_s
+    in_time = elapsed_s + made_s + seconds(SEND_US) <= dbw.turn_s
     return _outcome(dbw, wanted, sent, covered=in_time and _leads(dbw, command, read_back_rad))
 
 
@@ -112,6 +120,7 @@ def brake_outputs(
     read_back_rad: float,
     before: Sent,
     elapsed_s: float,
+    made_s: float = 0.0,
 ) -> Actuated:
     """What BRAKE sends while the path is known: the brake profile, steering as `actuate` steers."""
     fault = _fault(dbw, Wanted(0.0, steering_rate_radps), read_back_rad, elapsed_s)
@@ -122,7 +131,7 @@ def brake_outputs(
     command = Wanted(0.0, rate)
     raw = _outputs(dbw, command, read_back_rad, (0.0, dbw.pedals.brake_profile))
     sent = _sent(dbw, command, raw, read_back_rad, before)
-    in_time = elapsed_s <= dbw.turn_s
+    in_time = elapsed_s + made_s + seconds(SEND_US) <= dbw.turn_s
     wanted = Wanted(0.0, steering_rate_radps)
     return _outcome(dbw, wanted, sent, covered=in_time and _leads(dbw, command, read_back_rad))
 

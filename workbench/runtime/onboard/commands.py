@@ -87,8 +87,9 @@ class Commander:
         *,
         read_back_rad: float,
         elapsed_s: float,
+        made_s: float = 0.0,
     ) -> tuple[Frame, ...]:
-        """TRACK: see `actuate`. elapsed_s: since the last turn."""
+        """TRACK: see `actuate`. elapsed_s: since the last turn; made_s: since this one began."""
         if self._sent is None:
             return ()
         wanted = Wanted(acceleration_mps2, steering_rate_radps)
@@ -99,11 +100,17 @@ class Commander:
                 read_back_rad=read_back_rad,
                 before=self._sent,
                 elapsed_s=elapsed_s,
+                made_s=made_s,
             )
         )
 
     def brake(
-        self, steering_rate_radps: float, *, read_back_rad: float, elapsed_s: float
+        self,
+        steering_rate_radps: float,
+        *,
+        read_back_rad: float,
+        elapsed_s: float,
+        made_s: float = 0.0,
     ) -> tuple[Frame, ...]:
         """BRAKE while the path is known: the brake profile, steering as the law says."""
         if self._sent is None:
@@ -115,6 +122,7 @@ class Commander:
                 read_back_rad=read_back_rad,
                 before=self._sent,
                 elapsed_s=elapsed_s,
+                made_s=made_s,
             )
         )
 

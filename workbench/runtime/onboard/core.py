@@ -109,21 +109,20 @@ class Core:
         return result
 
     def _turn(self, at_us: int, clock: Callable[[], int]) -> TurnResult:
-        elapsed_s = self._elapsed_s(at_us)
-        self._helm.elapse(elapsed_s)
+        self._helm.elapse(self._elapsed_s(at_us))
         sight = self._watch.look(at_us, self._standing, self._helm.integrals)
         found = (*self._own_faults(at_us), *sight.found)
         request, events = self._checked(found, at_us)
         situation = self._situation(found, request, at_us)
         asked = self._asks(situation)
         decision, ended_us = self._decided(sight, at_us, clock) if asked else (None, None)
-        found += overrun(at_us, ended_us, self._settings.timing)
         now_us = at_us if ended_us is None else max(at_us, ended_us)
+        found += overrun(at_us, ended_us, self._settings.timing)
         situation = dataclasses.replace(situation, action=self._permitted(situation, now_us))
         before, order = self._standing.state, self._moved_on(situation, now_us, sight)
         if order is Order.TRACK:
             self._follow_reference(sight, decision)
-        frames, fault = self._commanded(order, sight, now_us=now_us, elapsed_s=elapsed_s)
+        frames, fault = self._commanded(order, sight, now_us=now_us, begun_us=at_us)
         found += fault
         events += news(self._known, found, before=before, after=self._standing.state)
         self._known = frozenset(each.fault for each in found)
@@ -223,11 +222,15 @@ class Core:
             self._helm.follow(sight.observation.reference_speed_mps)
 
     def _commanded(
-        self, order: Order, sight: Sight, *, now_us: int, elapsed_s: float
+        self, order: Order, sight: Sight, *, now_us: int, begun_us: int
     ) -> tuple[tuple[Frame, ...], tuple[Found, ...]]:
         """The vehicle's frames, and what was found in making them."""
         frames = self._helm.carry_out(
-            order, sight.reading, read_back_rad=sight.read_back_rad, elapsed_s=elapsed_s
+            order,
+            sight.reading,
+            read_back_rad=sight.read_back_rad,
+            elapsed_s=self._elapsed_s(begun_us),
+            made_s=seconds(now_us - begun_us),
         )
         fault: tuple[Found, ...] = ()
         if self._helm.fault:

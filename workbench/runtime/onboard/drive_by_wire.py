@@ -191,9 +191,10 @@ def _require_inside(name: str, curve: Curve, ratio: float) -> None:
 class DriveByWire:
     """A vehicle's drive-by-wire.
 
-    protocol: of the frames; turn_s: longest time between two turns of the sender; speed_error_mps:
-    how wrong the speed report may be; stop_speed_mps: where braking freezes the steering (see
-    `VehicleBrake`). Raises InputError for times or errors that cannot be.
+    protocol: of the frames; turn_s: longest time from the begin of a turn of the sender until the
+    last command of the next one is on the bus; speed_error_mps: how wrong the speed report may be;
+    stop_speed_mps: where braking freezes the steering (see `VehicleBrake`). Raises InputError for
+    times or errors that cannot be.
     """
 
     protocol: str

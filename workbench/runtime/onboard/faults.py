@@ -242,7 +242,7 @@ class Fault(enum.Enum):
     )
     NOT_COVERED = _brake(
         "assumption: actuation",
-        "what the law wants cannot be sent, or what is sent stays too far behind it for the proof",
+        "what the law wants cannot be sent, or not in time, or what is sent stays too far behind",
     )
     NOT_OBSERVED = _brake(
         "assumption: initial set",

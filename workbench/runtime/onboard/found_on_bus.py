@@ -100,6 +100,9 @@ def found_on_bus(
         if kind is BusError.ERROR_FRAME:
             if _recent(count, limits.report_age_us, now_us):
                 yield Found(Fault.ERROR_FRAME, kind.value, _last(count))
+        elif kind is BusError.LATE:
+            if _recent(count, limits.report_age_us, now_us):
+                yield Found(Fault.NOT_COVERED, kind.value, _last(count))
         elif _recent(count, limits.recent_us, now_us):
             yield Found(Fault.BUS_ERROR, kind.value, _last(count))
     last_us = 0 if intake.last_us is None else intake.last_us

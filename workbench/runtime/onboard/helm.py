@@ -106,12 +106,18 @@ class Helm:
         self._reference_mps = reference_speed_mps
 
     def carry_out(
-        self, order: Order, reading: Reading | None, *, read_back_rad: float, elapsed_s: float
+        self,
+        order: Order,
+        reading: Reading | None,
+        *,
+        read_back_rad: float,
+        elapsed_s: float,
+        made_s: float = 0.0,
     ) -> tuple[Frame, ...]:
         """The vehicle's frames for this turn; `fault` says why TRACK became BRAKE, or ''.
 
         reading: None where the car is not known to be on the path; BRAKE then holds the steering
-        wheel where the last path command had it.
+        wheel where the last path command had it. elapsed_s, made_s: see `Commander.track`.
         """
         self.fault = ""
         if self._driver is None:
@@ -120,7 +126,7 @@ class Helm:
             self._reference_mps = max(reading.speed_mps, 0.0)
         commander, law = self._driver
         if order in (Order.TRACK, Order.BRAKE):
-            now = _Now(commander, law, reading, read_back_rad, elapsed_s)
+            now = _Now(commander, law, reading, read_back_rad, elapsed_s, made_s)
             self._switched(order)
             self._rest(order, now)
             return self._driven(order, now)
@@ -165,6 +171,7 @@ class Helm:
             self._command.steering_rate_radps,
             read_back_rad=now.read_back_rad,
             elapsed_s=now.elapsed_s,
+            made_s=now.made_s,
         )
 
     def _tracked(self, now: _Now) -> tuple[Frame, ...]:
@@ -187,6 +194,7 @@ class Helm:
             wanted.steering_rate_radps,
             read_back_rad=now.read_back_rad,
             elapsed_s=now.elapsed_s,
+            made_s=now.made_s,
         )
         last = now.commander.last
         if last is None:
@@ -210,6 +218,7 @@ class _Now:
     reading: Reading | None
     read_back_rad: float
     elapsed_s: float
+    made_s: float
 
 
 def _finite(command: LawCommand) -> bool:

@@ -45,6 +45,7 @@ class BusError(enum.Enum):
     OVERFLOW = "frames were lost before they were read"
     RECEIVE = "a frame could not be read"
     SEND = "a frame could not be sent"
+    LATE = "frames could not be sent in time"
     CLOSED = "the bus is closed"
 
 

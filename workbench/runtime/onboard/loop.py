@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import enum
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol, final
 
 from workbench.runtime.onboard.bus import Bus, BusFaultError, Heard
 from workbench.runtime.onboard.intake import BusError
 from workbench.runtime.onboard.states import Request, State
-from workbench.runtime.onboard.times import TURN_US
+from workbench.runtime.onboard.times import SEND_US, TURN_US
 
 if TYPE_CHECKING:
     from workbench.runtime.onboard.commands import Frame
@@ -210,13 +210,21 @@ class Loop:
         self._made_us = self._clock.now_us()
         return self._made_us
 
-    def _send(self, frames: Iterable[Frame]) -> None:
-        """In order, with gaps; what cannot go out within a turn of being made is old, and stays."""
-        for frame in frames:
+    def _send(self, frames: Sequence[Frame]) -> None:
+        """In order, with gaps; what is not out in time after it was made is old, and stays.
+
+        The core hears of it: what it counts on is then not on the bus.
+        """
+        for place, frame in enumerate(frames):
             self._listen(self._sent_us + GAP_US, drain_us=0)
-            if self._bus is None or self._clock.now_us() - self._made_us > TURN_US:
+            now_us = self._clock.now_us()
+            if self._bus is None:
                 self.counts.unsent += 1
                 continue
+            if now_us - self._made_us > SEND_US:
+                self.counts.unsent += len(frames) - place
+                self._core.bus_error(BusError.LATE, now_us)
+                return
             try:
                 self._bus.send(frame.identifier, frame.data)
             except BusFaultError as fault:

@@ -10,6 +10,7 @@ from workbench.errors import InputError
 from workbench.runtime.onboard.actuation import DriveByWire, Wanted
 from workbench.runtime.onboard.limits import FaultLimits
 from workbench.runtime.onboard.sensor_bounds import SensorBounds
+from workbench.runtime.onboard.times import SEND_US, TURN_US, seconds
 from workbench.runtime.policies import Timing
 
 _MOST_MAKER = 2**24
@@ -37,14 +38,15 @@ class ReadingErrors:
 class OnboardSettings:
     """Everything but the bundle, the path and the mode.
 
-    timing: as `Monitor` takes it; its send_gap_s is also the longest time between two turns, and
-    its latency_s the longest time of a decision. release_steps, clearance_required_m,
-    start_station_m: see `Monitor`; reference_speed_mps: what TRACK follows. drive_by_wire: of the
-    vehicle that the bundle was built for; sensors, limits: see there. reading: what the bundle's
-    tubes grant the controller; gate: by how much an upstream controller may differ from ours, a
-    part of the tubes' disturbance that nothing else uses (acceleration, steering rate). maker: code
-    that the vehicle must report where it reports one, None for any. signed: whether the bundle's
-    signature was verified before it was loaded. bundle_tag: first byte of the manifest's SHA-256.
+    timing: as `Monitor` takes it; its send_gap_s is also the longest time from the begin of a turn
+    until the next one's frames are on the bus, and its latency_s the longest time of a decision.
+    release_steps, clearance_required_m, start_station_m: see `Monitor`; reference_speed_mps: what
+    TRACK follows. drive_by_wire: of the vehicle that the bundle was built for; sensors, limits:
+    see there. reading: what the bundle's tubes grant the controller; gate: by how much an upstream
+    controller may differ from ours, a part of the tubes' disturbance that nothing else uses
+    (acceleration, steering rate). maker: code that the vehicle must report where it reports one,
+    None for any. signed: whether the bundle's signature was verified before it was loaded.
+    bundle_tag: first byte of the manifest's SHA-256.
     """
 
     timing: Timing
@@ -67,6 +69,15 @@ class OnboardSettings:
                 "reference_speed_mps: expected a finite speed >= 0, got "
                 f"{self.reference_speed_mps!r}"
             )
+        for name, gap_s in (
+            ("timing.send_gap_s", self.timing.send_gap_s),
+            ("drive_by_wire.turn_s", self.drive_by_wire.turn_s),
+        ):
+            if round(gap_s * 1e6) < TURN_US + SEND_US:
+                raise InputError(
+                    f"{name}: expected at least {seconds(TURN_US + SEND_US)!r} s, a turn and the "
+                    f"sending of its frames, and the time of a decision beside, got {gap_s!r} s"
+                )
         margins = (self.gate.acceleration_mps2, self.gate.steering_rate_radps)
         if not all(0.0 <= margin < math.inf for margin in margins):
             raise InputError(f"gate: expected finite margins >= 0, got {self.gate!r}")

@@ -9,6 +9,8 @@ from workbench.runtime.arc import Interval
 
 TURN_US: Final = 33_000
 """Time between two turns of the loop: the period that PACMod states for its commands."""
+SEND_US: Final = 8_000
+"""Longest time from making a turn's frames to the last of them on the bus; later ones stay."""
 DECIDE_EVERY: Final = 3
 """Every so many turns the loop decides."""
 LATEST_US: Final = 10**15

@@ -11,6 +11,7 @@ from workbench.runtime.observation import Observation
 from workbench.runtime.onboard.commands import Frame
 from workbench.runtime.onboard.faults import Fault, Found
 from workbench.runtime.onboard.states import State
+from workbench.runtime.onboard.times import SEND_US
 from workbench.runtime.policies import Timing
 
 
@@ -54,12 +55,13 @@ def internal(where: str, error: Exception, at_us: int) -> Found:
 def untimely(before_us: int | None, at_us: int, timing: Timing) -> tuple[Found, ...]:
     """What the instant of a turn says: CLOCK_BACKWARDS, or LATE_TURN after a hang.
 
-    before_us: of the turn before, None for the first.
+    before_us: begin of the turn before, None for the first. Frames that are made at at_us may be on
+    the bus SEND_US later, and the longest time between two sets of them counts.
     """
     gap_us = 0 if before_us is None else at_us - before_us
     if gap_us < 0:
         return (Found(Fault.CLOCK_BACKWARDS, f"{gap_us} us after the last turn", at_us),)
-    most_us = round(timing.send_gap_s * 1e6)
+    most_us = round(timing.send_gap_s * 1e6) - SEND_US
     if gap_us <= most_us:
         return ()
     detail = f"{gap_us} us after the last turn, {most_us} us are allowed"
