@@ -21,6 +21,7 @@ from workbench.codegen.assumptions import assumptions
 from workbench.codegen.bundle import MonitorSpec, brake_bounds
 from workbench.errors import InputError
 from workbench.models.vehicle import gem_e2, gem_e2_drive_path, gem_e2_path, load_vehicle
+from workbench.models.vehicle_sections import Uncertainty
 from workbench.runtime import Timing
 from workbench.runtime.contents import Parameter
 from workbench.runtime.manifest import Manifest, manifest_from_json, manifest_to_json
@@ -275,3 +276,46 @@ def test_sensors_that_do_not_say_all_are_refused_before_anything_is_written(
     assert main(["build", *words]) == 2
     assert "[drive_by_wire]" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "granted"),
+    [
+        ("offset_m = 0.2", "offset_m = 0.21", "0.2"),
+        ("heading_rad = 0.05", "heading_rad = 0.051", "0.05"),
+        ("speed_mps = 0.48", "speed_mps = 0.49", "0.48"),
+        ("acceleration_mps2 = 0.0 ", "acceleration_mps2 = 0.06 ", "0.05"),
+        ("steering_rate_radps = 0.0\n", "steering_rate_radps = 0.011\n", "0.01"),
+    ],
+)
+def test_sensors_that_the_proof_does_not_grant_are_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, old: str, new: str, granted: str
+) -> None:
+    """Readings and upstream margins up to the vehicle file's [uncertainty], and no more."""
+    vehicle, kept = tmp_path / "granted.toml", tmp_path / "kept.toml"
+    upstream = "\nupstream_acceleration_mps2 = 0.05\nupstream_steering_rate_radps = 0.01\n"
+    vehicle.write_text(granted_text().rstrip() + upstream, encoding="utf-8")
+    text = gem_e2_drive_path().with_name("gem_e2_sensors.toml").read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    kept.write_text(text.replace(old, new), encoding="utf-8")
+    path = _csv(tmp_path, "x_m,y_m\n0,0\n10,0\n20,0.5\n30,1\n")
+    words = ["--path", str(path), "--clearance", "0.3", "--horizon", "0.1", "--step", "0.05",
+             "--sensors", str(kept), "--out", str(tmp_path / "out")]  # fmt: skip
+    assert main(["build", "--vehicle", str(vehicle), *words]) == 2
+    assert f"within the {granted} that the vehicle file's" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_acts_on_the_car_adds_to_what_its_drive_by_wire_brings_about() -> None:
+    bound = drive_vehicle().unsure()
+    more = dataclasses.replace(
+        drive_vehicle(),
+        uncertainty=Uncertainty(
+            acceleration_mps2=0.1, steering_rate_radps=0.01,
+            upstream_acceleration_mps2=0.2, upstream_steering_rate_radps=0.02,
+        ),
+    ).unsure()  # fmt: skip
+    assert more.acceleration_mps2 == pytest.approx(bound.acceleration_mps2 + 0.3, rel=1e-14)
+    assert more.steering_rate_radps == pytest.approx(bound.steering_rate_radps + 0.03, rel=1e-14)
+    assert more.acceleration_mps2 >= bound.acceleration_mps2 + 0.3
+    assert (more.lateral_m, more.speed_mps) == (bound.lateral_m, bound.speed_mps)

@@ -41,6 +41,7 @@ from workbench.runtime.manifest import (
     manifest_to_json,
 )
 from workbench.runtime.monitor_settings import MonitorSettings
+from workbench.runtime.onboard.actuation import Wanted
 from workbench.runtime.onboard.onboard_settings import ReadingErrors
 from workbench.runtime.onboard.sensors_file import settings_from
 from workbench.runtime.path import PathTable
@@ -181,7 +182,8 @@ def bundle_files(spec: MonitorSpec) -> dict[str, bytes]:
     compiled = compile_shared(source)
     manifest = _manifest(spec, ode, compiled)
     if spec.sensors is not None:
-        _check_reading(settings_from(manifest, signed=False, tag=0).reading, spec.vehicle.unsure())
+        settings = settings_from(manifest, signed=False, tag=0)
+        _check_granted(settings.reading, settings.gate, spec.vehicle.unsure())
     files = {
         MANIFEST_FILE: manifest_to_json(manifest).encode(),
         LIBRARY_FILE: compiled.shared_object,
@@ -191,16 +193,23 @@ def bundle_files(spec: MonitorSpec) -> dict[str, bytes]:
     return files | {CHECKSUM_FILE: checksums_text(files).encode()}
 
 
-def _check_reading(reading: ReadingErrors, proved: Uncertainty) -> None:
-    """Refuse a monitor that would let the controller read worse than the tubes take it to."""
+def _check_granted(reading: ReadingErrors, gate: Wanted, proved: Uncertainty) -> None:
+    """Refuse a monitor that would let the controller read worse, or an upstream controller differ
+    more, than the tubes take it to."""
     for name, allowed, granted in (
-        ("offset_m", reading.offset_m, proved.lateral_m),
-        ("heading_rad", reading.heading_rad, proved.heading_rad),
-        ("speed_mps", reading.speed_mps, proved.speed_mps),
+        ("[reading] offset_m", reading.offset_m, proved.lateral_m),
+        ("[reading] heading_rad", reading.heading_rad, proved.heading_rad),
+        ("[reading] speed_mps", reading.speed_mps, proved.speed_mps),
+        ("[gate] acceleration_mps2", gate.acceleration_mps2, proved.upstream_acceleration_mps2),
+        (
+            "[gate] steering_rate_radps",
+            gate.steering_rate_radps,
+            proved.upstream_steering_rate_radps,
+        ),
     ):
         if allowed > granted:
             raise InputError(
-                f"sensors: expected [reading] {name} within the {granted:g} that the vehicle "
+                f"sensors: expected {name} within the {granted:g} that the vehicle "
                 f"file's [uncertainty] brings into the proof, got {allowed:g}; raise the one, or "
                 "lower the other and measure better"
             )

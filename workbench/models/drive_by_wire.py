@@ -63,14 +63,12 @@ class DriveByWireSection:
             )
 
     def joined(self, uncertainty: Uncertainty, *, reading_gain_per_s: float) -> Uncertainty:
-        """`uncertainty`, each bound no less than what the drive-by-wire itself brings about."""
+        """`uncertainty` and what the drive-by-wire itself brings about; W adds up, readings not."""
         speeding = acceleration_bound(self.value).total
         turning = steering_bound(self.value, reading_gain_per_s=reading_gain_per_s).total
         return dataclasses.replace(
-            uncertainty,
+            uncertainty.more(acceleration_mps2=speeding, steering_rate_radps=turning),
             speed_mps=max(uncertainty.speed_mps, self.value.speed_error_mps),
-            acceleration_mps2=max(uncertainty.acceleration_mps2, speeding),
-            steering_rate_radps=max(uncertainty.steering_rate_radps, turning),
             provenance=f"{uncertainty.provenance}; {_WHERE}: maps, dead bands, delays",
         )
 

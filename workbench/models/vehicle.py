@@ -101,9 +101,14 @@ class Vehicle:
                 )
 
     def unsure(self) -> Uncertainty:
-        """What its loop is unsure of: [uncertainty], and no less than [drive_by_wire] implies."""
+        """What its loop is unsure of: [uncertainty] with what it grants to an upstream controller,
+        and what [drive_by_wire] implies."""
+        granted = self.uncertainty.more(
+            acceleration_mps2=self.uncertainty.upstream_acceleration_mps2,
+            steering_rate_radps=self.uncertainty.upstream_steering_rate_radps,
+        )
         if self.drive_by_wire is None:
-            return self.uncertainty
+            return granted
         tangent = math.tan(self.limits.steering_rad)
         gain_per_s = reading_gain_per_s(
             self.steering_pid,
@@ -111,7 +116,7 @@ class Vehicle:
             speed_mps=max(map(abs, self.operation.region.interval("speed"))),
             tangent_rise=1.0 + tangent * tangent,
         )
-        return self.drive_by_wire.joined(self.uncertainty, reading_gain_per_s=gain_per_s)
+        return self.drive_by_wire.joined(granted, reading_gain_per_s=gain_per_s)
 
     def with_geometry(self, geometry: Geometry, *, name: str) -> Vehicle:
         """The same controllers and limits on another body, under another name."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import final
@@ -154,8 +155,9 @@ class Uncertainty:
     """What bundles take the loop to be unsure of; every key may be left out and is 0 then.
 
     N: errors (magnitudes) of what the controller reads: lateral_m, heading_rad, speed_mps. W: what
-    acts on the car besides the commands: acceleration_mps2, steering_rate_radps. wheelbase_m: by
-    how much the geometry's wheelbase may be wrong.
+    acts on the car besides the commands: acceleration_mps2, steering_rate_radps; upstream_...: by
+    how much more an upstream controller may differ from ours in GATE. wheelbase_m: by how much the
+    geometry's wheelbase may be wrong.
     """
 
     lateral_m: float = 0.0
@@ -164,6 +166,8 @@ class Uncertainty:
     acceleration_mps2: float = 0.0
     steering_rate_radps: float = 0.0
     wheelbase_m: float = 0.0
+    upstream_acceleration_mps2: float = 0.0
+    upstream_steering_rate_radps: float = 0.0
     provenance: str = "assumed to be none"
 
     def __post_init__(self) -> None:
@@ -171,6 +175,15 @@ class Uncertainty:
             raise InputError(f"wheelbase_m: expected a number >= 0, got {self.wheelbase_m!r}")
         self.estimation_error()
         self.disturbance()
+        Disturbance(self.upstream_acceleration_mps2, self.upstream_steering_rate_radps)
+
+    def more(self, *, acceleration_mps2: float, steering_rate_radps: float) -> Uncertainty:
+        """With so much more of W, in magnitude, rounded up."""
+        return dataclasses.replace(
+            self,
+            acceleration_mps2=_sum(self.acceleration_mps2, acceleration_mps2),
+            steering_rate_radps=_sum(self.steering_rate_radps, steering_rate_radps),
+        )
 
     def estimation_error(self) -> EstimationError:
         """The set N."""
@@ -186,3 +199,8 @@ class Uncertainty:
             return {}
         least = geometry.wheelbase_m - self.wheelbase_m
         return {"wheelbase": (least, geometry.wheelbase_m + self.wheelbase_m)}
+
+
+def _sum(one: float, more: float) -> float:
+    """Both magnitudes together, rounded up; exact where one of them is 0."""
+    return one + more if 0.0 in (one, more) else math.nextafter(one + more, math.inf)
