@@ -2,7 +2,7 @@ VENV ?= .venv
 BIN = $(VENV)/bin
 export VENV
 
-.PHONY: demo test test-all campaign format clean
+.PHONY: demo test test-all campaign mutate format clean
 
 demo:
 	@scripts/environment analysis
@@ -19,6 +19,10 @@ test-all:
 campaign:
 	@scripts/environment dev
 	@$(BIN)/python -m pytest -m campaign
+
+mutate:
+	@scripts/environment dev
+	@$(BIN)/python scripts/mutate.py $(MUTATE)
 
 format:
 	@scripts/environment dev

@@ -25,6 +25,7 @@ COMMANDS: Final = {
     "reach": "compute a tube that contains every trajectory",
     "inner": "prove how tight a tube is, by validated trajectories",
     "gains": "show poles, margins and the tube for a vehicle's gains",
+    "intent": "say where recorded people go, score it and answer questions",
     "build": "compile a monitor bundle",
     "keygen": "make the keys for signing bundles",
     "sign": "sign a bundle, for vehicles that load no other",

@@ -139,7 +139,8 @@ class FailSafe:
             state = closed(state)
         elif state.phase is Phase.TRACKING:
             state = dataclasses.replace(state, plan=new)
-        elif state.phase is Phase.HOLDING:
+        else:
+            # HOLDING: while CLOSING there is always an objection.
             state = dataclasses.replace(state, offer=new)
         return self._answered(state, answer, found, objection)
 

@@ -1,0 +1,1 @@
+"""From images to people around the vehicle: detector, boxes, tracks, and what is not seen."""

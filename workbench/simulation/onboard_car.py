@@ -1,0 +1,240 @@
+"""A car with PACMod 2 on a straight road, its sensors and a crowd, as frames on the bus."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple, final
+
+from workbench.runtime.onboard.onboard_settings import OnboardSettings
+from workbench.runtime.path import PathTable
+from workbench.runtime.protocols import (
+    Localised,
+    PersonKind,
+    Refusal,
+    SentPerson,
+    decode,
+    encode,
+    load_protocol,
+    localisation_frames,
+    people_frames,
+)
+
+REPORT_US: Final = 33_333
+LOCALISED_US: Final = 333_333
+PEOPLE_US: Final = 200_000
+VIN_US: Final = 1_000_000
+_SENSOR_DELAY_US: Final = 25_000
+_CLOCK_US: Final = 7_000_000
+"""By so much the sensors' clock is ahead of ours."""
+_STEP_US: Final = 5_000
+_TIMEOUT_US: Final = 100_000
+_PACMOD: Final = load_protocol("pacmod2")
+_FORWARD: Final = 3
+_SPACING_M: Final = 0.5
+# Radii that are sent; the measured values are those of the car.
+_PLACE_M, _HEADING_RAD, _SPEED_MPS = 0.1, 0.02, 0.1
+_BODY_M, _ERROR_M, _VELOCITY_MPS = 0.3, 0.2, 0.1
+_BUILD_UP_S: Final = 0.08
+_WHEEL_RADPS: Final = 6.0
+
+
+class Sent(NamedTuple):
+    """A frame on the bus and when."""
+
+    at_us: int
+    identifier: int
+    data: bytes
+
+
+def straight_road(from_m: float, to_m: float) -> PathTable:
+    """Along x, a node every half metre; at least 200 of them."""
+    count = max(200, math.ceil((to_m - from_m) / _SPACING_M) + 1)
+    zeros = (0.0,) * count
+    nodes = tuple(from_m + _SPACING_M * j for j in range(count))
+    return PathTable(from_m, _SPACING_M, nodes, zeros, zeros, zeros[1:], zeros[1:])
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Crowd:
+    """People all along the road, each at a place of their own every `every_m` of it.
+
+    aside_m: how far beside the path they stand, left and right by turns; every `crossing`-th walks
+    to and fro across it, aside_m to either side, within cycle_s.
+    """
+
+    every_m: float = 5.5
+    aside_m: float = 5.0
+    crossing: int = 6
+    cycle_s: float = 30.0
+
+    def around(self, x_m: float, radius_m: float, at_us: int) -> list[SentPerson]:
+        """Everybody within a disc about a point of the road."""
+        first = math.ceil((x_m - radius_m) / self.every_m)
+        last = math.floor((x_m + radius_m) / self.every_m)
+        found = [self._person(k, at_us) for k in range(first, last + 1)]
+        return [each for each in found if math.hypot(each.x_m - x_m, each.y_m) <= radius_m]
+
+    def _person(self, k: int, at_us: int) -> SentPerson:
+        y_m, speed_mps = self.aside_m * (1 - 2 * (k % 2)), 0.0
+        if k % self.crossing == 0:
+            rate = math.tau / self.cycle_s
+            phase = rate * at_us / 1e6 + k
+            y_m, speed_mps = self.aside_m * math.sin(phase), self.aside_m * rate * math.cos(phase)
+        return SentPerson(
+            k % 65_536, PersonKind.ON_FOOT, self.every_m * k, y_m, _BODY_M + _ERROR_M, 0.0,
+            speed_mps, _VELOCITY_MPS, 0.0,
+        )  # fmt: skip
+
+
+@final
+@dataclass(slots=True)
+class OnboardCar:
+    """Its true state about the middle of the rear axle, what it was told, and what is due.
+
+    The pedals do what the middle of the vehicle's maps says and come up within 80 ms, the wheel
+    turns at the rate it is told, everything at once: what is measured with it are times and memory,
+    not proofs. Reports come at 30 Hz, localisation at 3 Hz, people at 5 Hz.
+    """
+
+    settings: OnboardSettings
+    crowd: Crowd
+    x_m: float = 0.0
+    y_m: float = 0.0
+    heading: float = 0.0
+    watched_m: float = 20.0
+    speed_mps: float = 0.0
+    wheel_rad: float = 0.0
+    accel: float = 0.0
+    brake: float = 0.0
+    enabled: bool = False
+    now_us: int = 0
+    _told: dict[str, float] = field(default_factory=dict)
+    _heard_us: int = -_TIMEOUT_US
+    _may_enable: bool = False
+    _due_us: dict[str, int] = field(
+        default_factory=lambda: {"reports": 4_000, "place": 40_000, "people": 90_000, "vin": 7_000}
+    )
+
+    def hear(self, identifier: int, data: bytes) -> None:
+        """A frame of whoever commands it."""
+        said = decode(_PACMOD, identifier, data)
+        if isinstance(said, Refusal) or _PACMOD.by_id[identifier].sender != "WORKBENCH":
+            return
+        if said.message == "GLOBAL_CMD":
+            self._heard_us = self.now_us
+            enable = bool(said.values["PACMOD_ENABLE"])
+            if enable and self._may_enable and not said.values["CLEAR_OVERRIDE"]:
+                self.enabled = True
+            self._may_enable = self._may_enable or not enable
+            self.enabled = self.enabled and enable
+        else:
+            self._told.update(said.values)
+
+    def until(self, at_us: int) -> Iterator[Sent]:
+        """Lets the car go on until an instant, and what was sent on the way there."""
+        while self.now_us < at_us:
+            step_us = min(_STEP_US, at_us - self.now_us)
+            self.now_us += step_us
+            self._step(step_us / 1e6)
+            for name, due_us in self._due_us.items():
+                if due_us <= self.now_us:
+                    self._due_us[name] = due_us + _PERIODS_US[name]
+                    yield from (Sent(self.now_us, *frame) for frame in self._frames(name))
+
+    def _step(self, step_s: float) -> None:
+        pedals, steering = self.settings.drive_by_wire.pedals, self.settings.drive_by_wire.steering
+        if self.now_us - self._heard_us > _TIMEOUT_US:
+            self.enabled = self._may_enable = False
+        told, most = self._told if self.enabled else {}, step_s / _BUILD_UP_S
+        self.accel += _clipped(told.get("ACCEL_CMD", 0.0) - self.accel, most)
+        self.brake += _clipped(told.get("BRAKE_CMD", 0.0) - self.brake, most)
+        short_rad = told.get("POSITION_VALUE", self.wheel_rad) - self.wheel_rad
+        turns_radps = min(told.get("SPEED_LIMIT", 0.0), _WHEEL_RADPS)
+        self.wheel_rad += _clipped(short_rad, turns_radps * step_s)
+        least, release = pedals.accelerator.commands[0], pedals.brake.commands[0]
+        push = pedals.accelerator.middle(self.accel) if self.accel >= least else 0.0
+        push -= pedals.brake.middle(self.brake) if self.brake >= release else 0.0
+        speed = max(self.speed_mps + push * step_s, 0.0)
+        way = 0.5 * (speed + self.speed_mps) * step_s
+        road_rad = steering.road_wheel.middle(self.wheel_rad)
+        wheelbase_m = sum(self.settings.sensors.wheelbase_m) / 2.0
+        turn = way * math.tan(road_rad) / wheelbase_m
+        self.x_m += way * math.cos(self.heading + 0.5 * turn)
+        self.y_m += way * math.sin(self.heading + 0.5 * turn)
+        self.heading += turn
+        self.speed_mps = speed
+
+    def _frames(self, name: str) -> list[tuple[int, bytes]]:
+        if name == "reports":
+            return [_framed(message, values) for message, values in self._reports().items()]
+        if name == "vin":
+            maker = self.settings.maker or 0
+            return [_framed("VIN_RPT", {"MFG_CODE": maker, "MODEL_YEAR_CODE": ord("H")})]
+        measured_us = self.now_us - _SENSOR_DELAY_US
+        stamp_s = (measured_us + _CLOCK_US) / 1e6
+        if name == "place":
+            frames = localisation_frames(self._localised(stamp_s))
+        else:
+            frames = people_frames(
+                self.crowd.around(self.x_m, self.watched_m + 1.0, measured_us),
+                number=self._due_us[name] // PEOPLE_US % 256,
+                stamp_s=stamp_s,
+                watched_radius_m=self.watched_m,
+            )
+        assert not isinstance(frames, Refusal), frames
+        return list(frames)
+
+    def _localised(self, stamp_s: float) -> Localised:
+        back_m = self.speed_mps * _SENSOR_DELAY_US / 1e6
+        return Localised(
+            number=self._due_us["place"] // LOCALISED_US % 256,
+            stamp_s=stamp_s,
+            x_m=self.x_m - back_m * math.cos(self.heading),
+            y_m=self.y_m - back_m * math.sin(self.heading),
+            heading_rad=math.remainder(self.heading, math.tau),
+            speed_mps=self.speed_mps,
+            x_radius_m=_PLACE_M,
+            y_radius_m=_PLACE_M,
+            heading_radius_rad=_HEADING_RAD,
+            speed_radius_mps=_SPEED_MPS,
+        )
+
+    def _reports(self) -> Mapping[str, Mapping[str, float]]:
+        told = self._told if self.enabled else {}
+        silent = self.now_us - self._heard_us > _TIMEOUT_US
+        wheel = told.get("POSITION_VALUE", self.wheel_rad)
+        pressed = {"BRAKE_ON_OFF": self.brake > 0.0}
+        return {
+            "GLOBAL_RPT": {
+                "PACMOD_STATUS": self.enabled, "OVERRIDE_STATUS": 0, "VEH_CAN_TIMEOUT": 0,
+                "STR_CAN_TIMEOUT": 0, "BRK_CAN_TIMEOUT": 0, "USR_CAN_TIMEOUT": silent,
+                "USR_CAN_READ_ERRORS": 0,
+            },
+            "ACCEL_RPT": _system(0.0, told.get("ACCEL_CMD", 0.0), self.accel),
+            "BRAKE_RPT": _system(0.0, told.get("BRAKE_CMD", 0.0), self.brake) | pressed,
+            "STEERING_RPT_1": _system(0.0, wheel, self.wheel_rad),
+            "SHIFT_RPT": _system(_FORWARD, _FORWARD, _FORWARD),
+            "VEHICLE_SPEED_RPT": {"VEHICLE_SPEED": self.speed_mps, "VEHICLE_SPEED_VALID": 1},
+        }  # fmt: skip
+
+
+_PERIODS_US: Final = {
+    "reports": REPORT_US, "place": LOCALISED_US, "people": PEOPLE_US, "vin": VIN_US,
+}  # fmt: skip
+
+
+def _system(manual: float, commanded: float, output: float) -> dict[str, float]:
+    return {"MANUAL_INPUT": manual, "COMMANDED_VALUE": commanded, "OUTPUT_VALUE": output}
+
+
+def _framed(name: str, values: Mapping[str, float]) -> tuple[int, bytes]:
+    data = encode(_PACMOD, name, values)
+    assert isinstance(data, bytes), data
+    return _PACMOD.by_name[name].frame_id, data
+
+
+def _clipped(value: float, most: float) -> float:
+    return min(max(value, -most), most)
