@@ -238,6 +238,7 @@ def test_bad_questions_are_refused_and_leave_no_answers(
         (["--scene", "moon"], "no scene 'moon'"),
         (["--goals", "q.csv"], "table of goals"),
         (["--plot", "p.html", "--fit", "m.toml"], "one of --fit, --plot at a time"),
+        (["--credit", "us"], "expected --fit FILE beside it"),
         (["--plot", "p.html", "--agent", "nobody"], "nobody called 'nobody'"),
     ],
 )

@@ -68,6 +68,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_file_option(parser, "--plot", text="page to draw")
     add_file_option(parser, "--learn-goals", text="write goals learned from the ends of tracks")
     add_file_option(parser, "--fit", text="fit the motion of people to this folder and write it")
+    parser.add_argument(
+        "--credit",
+        default="",
+        metavar="TEXT",
+        help="whose recordings they are; goes into --fit's file",
+    )
     add_score_option(parser)
     parser.add_argument(
         "--scenarios", action="store_true",
@@ -99,6 +105,8 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError("expected --answers FILE and --out FILE together, got one of them")
     tasks = ("learn_goals", "fit", "answers", "plot")
     given = ["--" + name.replace("_", "-") for name in tasks if getattr(args, name) is not None]
+    if args.credit and args.fit is None:
+        raise InputError("--credit: expected --fit FILE beside it, whose provenance it becomes")
     if args.score != SCORES[0]:
         given.append(f"--score {args.score}")
     if len(given) > 1:
@@ -134,7 +142,7 @@ def _fit(args: argparse.Namespace) -> int:
     from workbench.estimation.motion_fit import fit_motion
 
     with Progress("fitting", 1):
-        motion = fit_motion(args.folder)
+        motion = fit_motion(args.folder, credit=args.credit)
     write_text(args.fit, motion.toml())
     emit(args, f"{motion.provenance}\nwrote {args.fit}",
          {"motion": motion, "wrote": args.fit})  # fmt: skip
