@@ -29,7 +29,7 @@ from workbench.runtime.onboard.core import Core, Mode, Request, State, TurnResul
 from workbench.runtime.onboard.faults import Fault
 from workbench.runtime.onboard.intake import BusError
 from workbench.runtime.onboard.recorder_entries import digest, turn_record
-from workbench.runtime.onboard.times import DECIDE_EVERY, TURN_US
+from workbench.runtime.onboard.times import DECIDE_EVERY, SEND_US, TURN_US
 
 
 def test_in_shadow_everything_is_decided_and_no_command_is_made() -> None:
@@ -178,11 +178,14 @@ def test_a_decision_that_is_late_is_an_overrun_and_does_not_track_on(takes_us: i
     assert (result.state, brakes(result)) == (State.BRAKING, True)
 
 
-@pytest.mark.parametrize(("takes_us", "covered"), [(17_000, True), (17_100, False)])
+LEFT_US = 58_000 - TURN_US - SEND_US
+"""Of turn_s: what a turn and the sending of its frames leave for the decision."""
+
+
+@pytest.mark.parametrize(("takes_us", "covered"), [(LEFT_US, True), (LEFT_US + 100, False)])
 def test_a_decision_that_makes_commands_late_brakes_and_does_not_latch(
     takes_us: int, covered: bool
 ) -> None:
-    """turn_s = 58 ms: a turn of 33 ms, 8 ms of sending, and what is left for the decision."""
     b = driven()
     b.takes_us = takes_us
     result = _until_decided(b)

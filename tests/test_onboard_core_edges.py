@@ -29,6 +29,7 @@ from workbench.runtime.onboard.found_in_car import found_in_mode
 from workbench.runtime.onboard.intake import BusError, Intake
 from workbench.runtime.onboard.onboard_settings import ReadingErrors
 from workbench.runtime.onboard.states import Standing
+from workbench.runtime.onboard.times import TURN_US
 
 
 def raises(*args: object, **named: object) -> None:
@@ -44,7 +45,7 @@ def test_a_vehicle_that_does_not_enable_is_given_up() -> None:
     result = b.until(State.YIELDED)
     assert Fault.NOT_ENABLED in faults(result)
     assert said(result)["GLOBAL_CMD"]["PACMOD_ENABLE"] == 0
-    assert 1_000_000 < result.at_us - 12 * 33_333 < 1_100_000
+    assert 1_000_000 < result.at_us - 12 * TURN_US < 1_100_000
 
 
 def test_a_pedal_ends_arming_at_once_and_a_fault_too() -> None:

@@ -1,4 +1,4 @@
-"""What the bus says is found to its edges: ages to the microsecond, rates to the frame, since when."""
+"""What the bus says is found to its edges: ages to the microsecond, rates to the frame."""
 
 from __future__ import annotations
 

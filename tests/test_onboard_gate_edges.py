@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from onboard_core_bench import framed
 from onboard_core_cases import DRIVE_BY_WIRE
 
-from workbench.runtime.onboard.actuation import Wanted
+from workbench.runtime.onboard.actuation import Curve, DriveByWire, Wanted
 from workbench.runtime.onboard.faults import Fault
 from workbench.runtime.onboard.gate import Upstream, passed
 
@@ -18,10 +19,16 @@ NAMES = ("GLOBAL_CMD", "ACCEL_CMD", "BRAKE_CMD", "STEERING_CMD")
 
 
 def heard(
-    at_us: int, *, enable: int = 1, accel: float = 0.0, brake: float = 0.0, wheel: float = 0.0
+    at_us: int,
+    *,
+    enable: int = 1,
+    accel: float = 0.0,
+    brake: float = 0.0,
+    wheel: float = 0.0,
+    vehicle: DriveByWire = DRIVE_BY_WIRE,
 ) -> Upstream:
-    upstream = Upstream(DRIVE_BY_WIRE)
-    flags = {"PACMOD_ENABLE": enable, "CLEAR_OVERRIDE": 0, "IGNORE_OVERRIDE": 0}
+    upstream = Upstream(vehicle)
+    flags: dict[str, float] = {"PACMOD_ENABLE": enable, "CLEAR_OVERRIDE": 0, "IGNORE_OVERRIDE": 0}
     steering = {"POSITION_VALUE": wheel, "SPEED_LIMIT": 4.0}
     for name, values in zip(
         NAMES, (flags, {"ACCEL_CMD": accel}, {"BRAKE_CMD": brake}, steering), strict=True
@@ -71,6 +78,15 @@ def test_a_brake_goes_before_an_accelerator_and_below_its_map_nothing_is_meant()
         assert heard(1, accel=accel).wanted(0.0).acceleration_mps2 == expected
     both = heard(1, accel=1.0, brake=1.0).wanted(0.0)
     assert both.acceleration_mps2 == -PEDALS.brake.middle(PEDALS.brake.commands[1])
+
+
+def test_at_the_low_end_of_a_map_the_map_counts() -> None:
+    """Where a pedal's map begins it may mean something: here it accelerates by 1/16 m/s^2."""
+    begins = Curve((0.25, 1.0), (0.0625, 4.0), (0.0625, 4.0))
+    vehicle = replace(DRIVE_BY_WIRE, pedals=replace(PEDALS, accelerator=begins))
+    for accel, expected in ((0.249, 0.0), (0.25, 0.0625)):
+        upstream = heard(1, accel=accel, vehicle=vehicle)
+        assert upstream.wanted(0.0).acceleration_mps2 == expected
 
 
 @pytest.mark.parametrize("wheel", [-1.0, 0.0, 2.0])

@@ -19,7 +19,7 @@ from workbench.models.section_reading import (
 )
 from workbench.models.vehicle_sections import Brake, Limits, SteeringGains, Uncertainty
 from workbench.runtime.onboard.curve import Curve
-from workbench.runtime.onboard.drive_by_wire import DriveByWire, Pedals, Steering
+from workbench.runtime.onboard.drive_by_wire import COUNT, DriveByWire, Pedals, Steering
 
 _WHERE: Final = "[drive_by_wire]"
 _PARTS: Final = ("steering", "accelerator", "brake", "pedals")
@@ -48,7 +48,9 @@ class DriveByWireSection:
                 f"{_WHERE}: expected the limits {theirs!r} of [limits] and the stop speed of "
                 f"[brake], got {mine!r}; read both from one file"
             )
-        least, most = p.brake.effect((p.brake_profile, p.brake_profile))
+        # What is sent is the nearest count.
+        sent = (p.brake_profile - 0.5 * COUNT, p.brake_profile + 0.5 * COUNT)
+        least, most = p.brake.effect(sent)
         known = (brake.deceleration_min_mps2, brake.deceleration_max_mps2)
         if not known[0] <= least <= most <= known[1]:
             raise InputError(

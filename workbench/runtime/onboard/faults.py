@@ -40,7 +40,7 @@ class Release(enum.Enum):
 class Latency(enum.Enum):
     """How long after the condition has become true the answer is on the bus, at most."""
 
-    TURN = "one turn, 33.1 ms"
+    TURN = "one turn, 33 ms"
     DECISION = "the end of the decision that is late"
     REQUEST = "at once, to every ARM and REARM"
     BESIDE = "beside the core: the loop writes it to the log within a second"

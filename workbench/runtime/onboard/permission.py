@@ -55,7 +55,7 @@ class Permission:
 
     def __init__(self, bundle: Bundle, path: PathTable, settings: OnboardSettings) -> None:
         self._bundle, self._path, self._settings = bundle, path, settings
-        self._clock = _TwoInstants(0)
+        self._clock: _TwoInstants
         self._drives = False
         self._monitor = self._new(0, station_m=settings.start_station_m)
 

@@ -7,8 +7,9 @@ from typing import Final
 
 from workbench.runtime.arc import Interval
 
-TURN_US: Final = 33_000
-"""Time between two turns of the loop: the period that PACMod states for its commands."""
+TURN_US: Final = 32_500
+"""Time between two turns of the loop: half a millisecond less than PACMod states for its commands,
+so that a fault is answered, brake and all, within 34 ms."""
 SEND_US: Final = 8_000
 """Longest time from making a turn's frames to the last of them on the bus; later ones stay."""
 DECIDE_EVERY: Final = 3
