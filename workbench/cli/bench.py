@@ -8,30 +8,35 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from workbench.cli import bench_decision, bench_files, bench_online
+from workbench.cli import bench_decision, bench_files, bench_onboard, bench_online
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
     from workbench.bench import ColdStart, KernelTime, Loop, MethodScore, SamplePlan
     from workbench.bench.decision_board import DecisionBoard
+    from workbench.bench.onboard_board import OnboardBoard
     from workbench.bench.online_board import OnlineBoard
     from workbench.report.page import Page
 
 HELP: Final = (
     "Score every tube (validated as one set and in cells, online in both forms) on the benchmark "
     "loops against the same sampled trajectories and against validated ones, and time the online "
-    "ones; the online kernels in all forms, steps and cells; the whole decision. The seed is "
-    "fixed. Exit status 1 if any trajectory leaves a tube, compiled code computes other bits than "
-    "its source, or a decision exceeds its budget."
+    "ones; the online kernels in all forms, steps and cells; the whole decision; the monitor on "
+    "the vehicle. The seed is fixed. Exit status 1 if any trajectory leaves a tube, compiled code "
+    "computes other bits than its source, a decision exceeds its budget, or a limit of the "
+    "monitor on the vehicle is not kept."
 )
 EXAMPLE: Final = """\
 workbench bench --quick --only B1 --only B2
 workbench bench --board tightness --only B2-slow
 workbench bench --board online --only B1 --plot out/online.html
 workbench bench --board decision --plot out/decision.html
+workbench bench --board onboard --quick
 """
 
-BOARDS: Final = ("tightness", "time", "online", "decision", "cold-start")
+USUAL: Final = ("tightness", "time", "online", "decision", "cold-start")
+BOARDS: Final = (*USUAL, "onboard")
+"""The last takes every core of the machine for a while, and is only measured where it is named."""
 
 _SEED: Final = 1
 _TRAJECTORIES: Final = 200_000
@@ -59,17 +64,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="measure only this: tightness and escapes of the tubes, time of the online ones, "
         "the online kernels (width, escapes, time, instructions, memory, agreement), the whole "
-        "decision (time, its bound, growth, memory, agreement), or cold start of the runtime "
-        "(can be given more than once; default: all)",
+        "decision (time, its bound, growth, memory, agreement), cold start of the runtime, or "
+        "`onboard`, the monitor on the vehicle (time and period beside busy cores, heap, memory, "
+        "start of the program) "
+        "(can be given more than once; default: all but `onboard`)",
     )
     parser.add_argument(
         "--bundle",
         type=Path,
         metavar="DIR",
-        help="bundle whose cold start is measured (default: the shipped vehicle's, built for it)",
+        help="bundle whose cold start is measured and that the board `onboard` drives (default: "
+        "the shipped vehicle's, built for it)",
     )
     bench_online.configure(parser)
     bench_decision.configure(parser)
+    bench_onboard.configure(parser)
     bench_files.configure(parser)
 
 
@@ -81,13 +90,9 @@ def run(args: argparse.Namespace) -> int:
     from workbench.cli.main import CLAIM_FAILS, DONE
     from workbench.cli.output import emit
 
-    if args.bundle is not None and not args.bundle.is_dir():
-        raise InputError(
-            f"--bundle: expected a bundle folder, got {args.bundle}; `workbench build` writes one"
-        )
+    boards = args.board or USUAL
+    _check(args, boards)
     loops = bench_loops(tuple(args.only))
-    boards = args.board or BOARDS
-    bench_files.check(args, boards)
     count = _TRAJECTORIES_QUICK if args.quick else _TRAJECTORIES
     plan = SamplePlan(count, max(HORIZONS_S), SAMPLE_STEP_S, _SEED)
     cold = _cold_start(args.bundle) if "cold-start" in boards else None
@@ -95,9 +100,10 @@ def run(args: argparse.Namespace) -> int:
     scores = _scores(loops, plan) if "tightness" in boards else {}
     online = _online(args, loops, count) if "online" in boards else []
     decision = bench_decision.measure(args, seed=_SEED) if "decision" in boards else None
+    onboard = bench_onboard.measure(args) if "onboard" in boards else None
     texts = [tightness_text(loop, scores[loop.benchmark.name]) for loop in loops if scores]
     texts += [times_text(times)] if times else []
-    boards_texts = _board_texts(online, decision)
+    boards_texts = _board_texts(online, decision, onboard)
     bench_files.write(args, boards_texts, _pages(args, online, decision))
     texts += boards_texts.values()
     texts += [cold_start_text(cold)] if cold else []
@@ -105,14 +111,26 @@ def run(args: argparse.Namespace) -> int:
     texts += [f"escapes: {found} in all (seed {_SEED})"] if scores else []
     bad = found + sum(board.escapes + board.disagreements for board in online)
     bad += decision.disagreements + decision.overspent if decision else 0
+    bad += onboard.failing if onboard else 0
     emit(
         args,
         "\n\n".join(texts),
         {"seed": _SEED, "trajectories": count, "escapes": found if scores else None,
          "tightness": scores, "times": times, "online": online,
-         "decision": decision, "cold_start": cold},
+         "decision": decision, "onboard": onboard, "cold_start": cold},
     )  # fmt: skip
     return CLAIM_FAILS if bad else DONE
+
+
+def _check(args: argparse.Namespace, boards: Sequence[str]) -> None:
+    """Refuse what cannot be measured or written, before any work."""
+    if args.bundle is not None and not args.bundle.is_dir():
+        raise InputError(
+            f"--bundle: expected a bundle folder, got {args.bundle}; `workbench build` writes one"
+        )
+    bench_files.check(args, boards)
+    if "onboard" in boards:
+        bench_onboard.check(args.bundle)
 
 
 def _online(
@@ -121,9 +139,11 @@ def _online(
     return bench_online.measure(args, loops, trajectories=trajectories, seed=_SEED)
 
 
-def _board_texts(online: Sequence[OnlineBoard], decision: DecisionBoard | None) -> dict[str, str]:
+def _board_texts(
+    online: Sequence[OnlineBoard], decision: DecisionBoard | None, onboard: OnboardBoard | None
+) -> dict[str, str]:
     """The tables of the boards that have documents, by the board's name."""
-    from workbench.bench import decision_text, online_text
+    from workbench.bench import decision_text, onboard_text, online_text
 
     texts = {}
     if online:
@@ -132,6 +152,9 @@ def _board_texts(online: Sequence[OnlineBoard], decision: DecisionBoard | None) 
     if decision is not None:
         tables = [decision_text.decision_text(decision), decision_text.summary_text(decision)]
         texts["decision"] = "\n\n".join(tables)
+    if onboard is not None:
+        tables = [onboard_text.onboard_text(onboard), onboard_text.claims_text(onboard)]
+        texts["onboard"] = "\n\n".join(tables)
     return texts
 
 

@@ -14,8 +14,10 @@ from workbench.errors import InputError
 if TYPE_CHECKING:
     from workbench.report.page import Page
 
-BOARDS: Final = ("online", "decision")
-"""The boards with tables for a document and pictures for the page."""
+PICTURED: Final = ("online", "decision")
+"""The boards with pictures for the page."""
+BOARDS: Final = (*PICTURED, "onboard")
+"""The boards with tables for a document."""
 
 
 def marks(board: str) -> tuple[str, str]:
@@ -40,14 +42,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=[],
         metavar="FILE",
-        help="put a board's tables into this document, between the marks of the board `online` or "
-        "`decision` that it holds (can be given more than once)",
+        help="put a board's tables into this document, between the marks of the board `online`, "
+        "`decision` or `onboard` that it holds (can be given more than once)",
     )
 
 
 def check(args: argparse.Namespace, boards: Sequence[str]) -> None:
     """Refuse files that nothing would be written to, before any work."""
-    drawn = [board for board in BOARDS if board in boards]
+    drawn = [board for board in PICTURED if board in boards]
     if args.plot is not None and not drawn:
         raise InputError(
             f"--plot: expected the board `online` or `decision` to be measured, got "
