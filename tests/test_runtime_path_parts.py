@@ -85,6 +85,18 @@ def test_every_level_s_box_lies_in_the_one_before(
             assert Fraction(c[i]) + Fraction(r[i]) >= Fraction(high)
 
 
+@pytest.mark.parametrize("speed", [(-0.1, 0.01), (-0.01, 0.1), (0.0, 0.2), (-0.2, 0.0)])
+def test_a_car_that_may_stand_may_do_so_at_every_level(speed: tuple[float, float]) -> None:
+    x, y = wavy_point(10.0, 0.0)
+    seen = replace(
+        observation(), x=(x, x), y=(y, y), heading=(wavy_heading(10.0),) * 2, speed=speed
+    )
+    boxes = Measuring(wavy_table(), (1.0, 2.0 / 3.0, 1.0 / 3.0), station_m=None).boxes(seen)
+    for outer, inner in itertools.pairwise((boxes[0], *boxes)):
+        (low, high), (least, most) = outer.interval("speed"), inner.interval("speed")
+        assert low <= least <= 0.0 <= most <= high
+
+
 def test_a_level_without_coordinates_of_its_own_is_not_judged(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

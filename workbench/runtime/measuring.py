@@ -68,9 +68,9 @@ class Measuring:
 
 def _box(seen: Observation, pose: PathPose, share: float) -> Box:
     slowest, fastest = _part(seen.speed, share)
-    if seen.speed[0] <= 0.0:
-        # An interval that ends at standstill has its centre above: no part about it would hold 0.
-        slowest = min(slowest, 0.0)
+    if seen.speed[0] <= 0.0 <= seen.speed[1]:
+        # Standstill may lie at an end or beside the centre: no part about it would hold 0.
+        slowest, fastest = min(slowest, 0.0), max(fastest, 0.0)
     intervals = (
         pose.station,
         pose.offset,
