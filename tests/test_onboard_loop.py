@@ -154,6 +154,24 @@ def test_what_takes_too_long_to_send_stays_and_the_core_hears_of_it(
     assert [kind for _, kind in core.errors] == [BusError.LATE] * turns
 
 
+@pytest.mark.parametrize(("takes_us", "late"), [(7_500, False), (9_000, True)])
+def test_a_last_frame_that_went_out_late_is_told_too(
+    monkeypatch: pytest.MonkeyPatch, takes_us: int, late: bool
+) -> None:
+    core = FakeCore(frames=FRAMES[:1])
+    world = World(core, sends=True)
+    send = world.port.send
+
+    def slow(identifier: int, data: bytes) -> None:
+        world.timeline.run(world.timeline.now_us + takes_us)
+        send(identifier, data)
+
+    monkeypatch.setattr(world.port, "send", slow)
+    world.run(1_000_000)
+    assert world.loop.counts.sent == len(core.turns)
+    assert [kind for _, kind in core.errors] == [BusError.LATE] * (late * len(core.turns))
+
+
 def test_a_broken_bus_is_opened_again_less_and_less_often() -> None:
     core = FakeCore()
     down = bus_down(500_000, for_us=3_000_000, sending=False)

@@ -11,8 +11,10 @@ from workbench.bench.onboard_period import Period
 from workbench.bench.onboard_start import LISTENED_S
 from workbench.bench.onboard_turns import Told, Turns, at_shares
 from workbench.bench.text import table
+from workbench.runtime.onboard.times import TURN_US
 
 _THREE: Final = ("median", "p99.9", "max")
+_TURN: Final = f"{TURN_US / 1e3:g} ms"
 
 
 def onboard_text(board: OnboardBoard) -> str:
@@ -49,7 +51,7 @@ def _turns(every: tuple[Turns, ...]) -> str:
             [cores, "without a decision", f"about {others}", *_ms(each.others_us)],
         ]
     notes = [
-        f"{each.cores.value}: {each.beyond_turn} turns took longer than 33 ms; "
+        f"{each.cores.value}: {each.beyond_turn} turns took longer than {_TURN}; "
         f"states {_shares(each.states)}; verdicts {_shares(each.verdicts)}; turns with faults: "
         f"{', '.join(f'{name} {n}' for name, n in each.faults.items()) or 'none'}"
         for each in every
@@ -77,7 +79,7 @@ def _period(every: tuple[Period, ...]) -> str:
         ]
         for each in every
     ]  # fmt: skip
-    title = "the loop in real time on the virtual bus; jitter: |time between two turns - 33 ms|"
+    title = f"the loop in real time on the virtual bus; jitter: |time between two turns - {_TURN}|"
     return f"{title}\n{table(headings, rows)}"
 
 

@@ -211,10 +211,7 @@ class Loop:
         return self._made_us
 
     def _send(self, frames: Sequence[Frame]) -> None:
-        """In order, with gaps; what is not out in time after it was made is old, and stays.
-
-        The core hears of it: what it counts on is then not on the bus.
-        """
+        """In order, with gaps; what would be late stays, and the core hears of what was late."""
         for place, frame in enumerate(frames):
             self._listen(self._sent_us + GAP_US, drain_us=0)
             now_us = self._clock.now_us()
@@ -233,6 +230,8 @@ class Loop:
                 continue
             self._sent_us = self._clock.now_us()
             self.counts.sent += 1
+        if self._sent_us - self._made_us > SEND_US:
+            self._core.bus_error(BusError.LATE, self._sent_us)
 
     def _listen(self, until_us: int, *, drain_us: int) -> None:
         """Hand on what comes until then, and for drain_us more what still lies ready."""
