@@ -81,23 +81,15 @@ def test_coordinates_of_a_standing_car_stay_above_their_floor() -> None:
     assert (known.belief.covariance[0, [0, 1], [0, 1]] > 0.5 * floor2).all()
 
 
-def test_ranges_that_are_refused_in_a_row_are_a_lost_car() -> None:
-    mine, known = localiser(), fed(drive(), 0, 16.0)
+@pytest.mark.parametrize(
+    ("until_s", "before"), [(16.0, Status.VALID), (11.0, Status.HEADING_INVALID)]
+)
+def test_ranges_that_are_refused_in_a_row_are_a_lost_car(until_s: float, before: Status) -> None:
+    """Also one that was placed wrongly and has no heading yet."""
+    mine, known = localiser(), fed(drive(), 0, until_s)
     known = dataclasses.replace(known, refused=np.zeros(1, dtype=np.int64))
     for count in range(int(hall().limits.lost_after)):
-        assert mine.status(known) is Status.VALID, count
-        known = mine.ranged(
-            known, at_s=known.stamp_s, beacon=count % 6, range_m=np.array([55.0]),
-            received=np.array([True]),
-        )  # fmt: skip
-    assert mine.status(known) is Status.LOST
-
-
-def test_a_car_that_was_placed_wrongly_is_lost_before_it_has_a_heading() -> None:
-    mine, known = localiser(), fed(drive(), 0, 11.0)
-    known = dataclasses.replace(known, refused=np.zeros(1, dtype=np.int64))
-    for count in range(int(hall().limits.lost_after)):
-        assert mine.status(known) is Status.HEADING_INVALID, count
+        assert mine.status(known) is before, count
         known = mine.ranged(
             known, at_s=known.stamp_s, beacon=count % 6, range_m=np.array([55.0]),
             received=np.array([True]),

@@ -62,15 +62,15 @@ def test_the_best_candidate_has_the_least_relative_error_on_the_chosen_recording
 
 def test_broken_files_say_where(tmp_path):
     path = tmp_path / "motion.toml"
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="no such motion file; copy the shipped one"):
         load_motion(path)
     text = shipped_motion_path().read_text()
     for old, new, said in (
-        ("[motion]", "[motions]", "exactly the keys"),
+        ("[motion]", "[motions]", "unknown key 'motions'"),
         ("softening_m = ", "softening_m = -", "softening_m: expected a number above 0"),
         ("levels = [0.5", 'levels = ["x"', "expected lists of numbers"),
-        ("preferred_s = ", "preferred_s = true #", "preferred_s: expected a number, got True"),
-        ("[motion]", "[motion", "expected TOML"),
+        ("preferred_s = ", "preferred_s = true #", "preferred_s: expected a finite number, got True"),
+        ("[motion]", "[motion", "expected a TOML file"),
     ):
         path.write_text(text.replace(old, new, 1))
         with pytest.raises(InputError) as refused:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.resources
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from workbench.models.section_reading import (
     as_numbers,
     as_table,
     as_text,
+    read_file,
     require_keys,
 )
 from workbench.runtime.arc import Interval
@@ -140,21 +140,7 @@ def load_camera(path: str | Path) -> Camera:
     path: a TOML file with the sections and keys of the shipped one (`gem_e2_camera_path`). Raises
     InputError for a missing file, broken TOML, unknown or missing keys and values that cannot be.
     """
-    try:
-        document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(
-            f"{path}: no such camera file; copy the shipped one, {gem_e2_camera_path()}, and edit "
-            "it"
-        ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{path}: expected a TOML file, but: {error}; compare with {gem_e2_camera_path()}"
-        ) from None
-    try:
-        return _camera(document)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    return read_file(path, _camera, what="camera", shipped=gem_e2_camera_path())
 
 
 def _camera(document: Mapping[str, object]) -> Camera:

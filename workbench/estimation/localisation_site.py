@@ -5,25 +5,25 @@ from __future__ import annotations
 import dataclasses
 import importlib.resources
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeVar, final
 
 from workbench.errors import InputError
-from workbench.models.section_reading import as_number, as_table, as_text, require_keys
+from workbench.models.section_reading import (
+    as_number,
+    as_table,
+    as_text,
+    read_file,
+    read_section,
+    require_keys,
+    require_positive,
+)
 
 _FEWEST_BEACONS: Final = 3
 # The beacons' extent across the line through them, over that along it.
 _THINNEST: Final = 0.05
-
-
-def _require_positive(section: object, *names: str) -> None:
-    for name in names:
-        value = getattr(section, name)
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(f"{name}: expected a number > 0, got {value!r}")
 
 
 @final
@@ -64,7 +64,7 @@ class Ranges:
     provenance: str
 
     def __post_init__(self) -> None:
-        _require_positive(self, "deviation_m", "stray_m")
+        require_positive(self, "deviation_m", "stray_m")
         if not (0.5 <= self.accepted < 1.0 and 0.0 <= self.stray_share < 0.5):
             raise InputError(
                 "accepted, stray_share: expected shares in [0.5, 1) and [0, 0.5), got "
@@ -86,7 +86,7 @@ class Reports:
     provenance: str
 
     def __post_init__(self) -> None:
-        _require_positive(self, *(f.name for f in dataclasses.fields(self)[:-1]))
+        require_positive(self, *(f.name for f in dataclasses.fields(self)[:-1]))
 
 
 @final
@@ -107,7 +107,7 @@ class Motion:
     provenance: str
 
     def __post_init__(self) -> None:
-        _require_positive(self, *(f.name for f in dataclasses.fields(self)[:-1]))
+        require_positive(self, *(f.name for f in dataclasses.fields(self)[:-1]))
 
 
 @final
@@ -122,7 +122,7 @@ class Limits:
     provenance: str
 
     def __post_init__(self) -> None:
-        _require_positive(self, "heading_rad", "lost_after", "range_age_s")
+        require_positive(self, "heading_rad", "lost_after", "range_age_s")
         if not 0.0 <= self.still_m < math.inf:
             raise InputError(f"still_m: expected a number >= 0, got {self.still_m!r}")
 
@@ -184,20 +184,7 @@ def load_site(path: str | Path) -> Site:
 
     Raises InputError with file, section, what was expected, what came and how to mend it.
     """
-    try:
-        document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(
-            f"{path}: no such site file; copy the shipped one, {hall_path()}, and edit it"
-        ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{path}: expected a TOML file, but: {error}; compare with {hall_path()}"
-        ) from None
-    try:
-        return _site(document)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    return read_file(path, _site, what="site", shipped=hall_path())
 
 
 def _site(document: Mapping[str, object]) -> Site:
@@ -207,11 +194,11 @@ def _site(document: Mapping[str, object]) -> Site:
         raise InputError(f"beacon: expected [[beacon]] sections, got {listed!r}")
     return Site(
         beacons=tuple(_beacon(entry) for entry in listed),
-        antenna=_section(Antenna, "antenna", document),
-        ranges=_section(Ranges, "ranges", document),
-        reports=_section(Reports, "reports", document),
-        motion=_section(Motion, "motion", document),
-        limits=_section(Limits, "limits", document),
+        antenna=read_section(Antenna, "antenna", document["antenna"]),
+        ranges=read_section(Ranges, "ranges", document["ranges"]),
+        reports=read_section(Reports, "reports", document["reports"]),
+        motion=read_section(Motion, "motion", document["motion"]),
+        limits=read_section(Limits, "limits", document["limits"]),
     )
 
 
@@ -222,15 +209,3 @@ def _beacon(entry: object) -> Beacon:
     return Beacon(
         as_text(where, "name", table), *(as_number(where, key, table[key]) for key in numbers)
     )
-
-
-def _section(kind: type[_Section], name: str, document: Mapping[str, object]) -> _Section:
-    table, where = as_table(name, document[name]), f"[{name}]"
-    keys = [field.name for field in dataclasses.fields(kind)]
-    require_keys(where, table, keys)
-    numbers = {key: as_number(where, key, table[key]) for key in keys if key != "provenance"}
-    provenance = as_text(where, "provenance", table)
-    try:
-        return kind(**numbers, provenance=provenance)
-    except InputError as error:
-        raise InputError(f"{where} {error}") from None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.resources
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -14,6 +13,7 @@ from workbench.errors import InputError
 from workbench.estimation.motion_filter import MotionNumbers
 from workbench.estimation.potential_field import Field, Repulsion
 from workbench.estimation.quantile_radii import QuantileRadii
+from workbench.models.section_reading import as_number, as_table, read_file, require_keys
 
 _RADII = ("levels", "leads_s", "radii_m")
 _FIELD = ("relaxation_s", "softening_m")
@@ -66,46 +66,36 @@ def shipped_motion() -> MotionParameters:
 
 def load_motion(path: Path) -> MotionParameters:
     """Read and check a file of fitted numbers; InputError names the file and what is wrong."""
-    try:
-        document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as fault:
-        raise InputError(
-            f"{path} cannot be read ({fault}); fit one by `workbench intent FOLDER --fit`"
-        ) from fault
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as fault:
-        raise InputError(
-            f"{path}: expected TOML, but: {fault}; compare with {shipped_motion_path()}"
-        ) from fault
-    try:
-        return _parameters(document)
-    except InputError as fault:
-        raise InputError(f"{path}: {fault}") from None
+    return read_file(path, _parameters, what="motion", shipped=shipped_motion_path())
 
 
 def _parameters(document: Mapping[str, Any]) -> MotionParameters:
-    _keys("the file", document, ("provenance", "motion", "field", "radii"))
+    require_keys("the file", document, ("provenance", "motion", "field", "radii"))
     names = tuple(each.name for each in fields(MotionNumbers))
-    motion = _numbers("[motion]", document["motion"], names)
-    field = document["field"]
-    _keys("[field]", field, (*_FIELD, "obstacle", "vehicle"))
-    plain = _numbers("[field]", {name: field[name] for name in _FIELD}, _FIELD)
+    motion = _numbers("motion", document["motion"], names)
+    field = as_table("field", document["field"])
+    require_keys("[field]", field, (*_FIELD, "obstacle", "vehicle"))
+    plain = _numbers("field", {name: field[name] for name in _FIELD}, _FIELD)
     laws = {
-        name: Repulsion(**_numbers(f"[field.{name}]", field[name], ("strength_mps2", "reach_m")))
+        name: Repulsion(**_numbers(f"field.{name}", field[name], ("strength_mps2", "reach_m")))
         for name in ("obstacle", "vehicle")
     }
-    _keys("[radii]", document["radii"], ("free", "toward_goal"))
-    radii = {name: _radii(f"[radii.{name}]", table) for name, table in document["radii"].items()}
+    radii = as_table("radii", document["radii"])
+    require_keys("[radii]", radii, ("free", "toward_goal"))
+    found = {name: _radii(f"radii.{name}", table) for name, table in radii.items()}
     return MotionParameters(
         MotionNumbers(**motion),
         Field(plain["relaxation_s"], plain["softening_m"], laws["obstacle"], laws["vehicle"]),
-        radii["free"],
-        radii["toward_goal"],
+        found["free"],
+        found["toward_goal"],
         str(document["provenance"]),
     )
 
 
-def _radii(place: str, table: Any) -> QuantileRadii:
-    _keys(place, table, _RADII)
+def _radii(name: str, value: object) -> QuantileRadii:
+    table: Any = as_table(name, value)
+    place = f"[{name}]"
+    require_keys(place, table, _RADII)
     try:
         levels, leads = (tuple(map(float, table[name])) for name in _RADII[:2])
         rows = tuple(tuple(map(float, row)) for row in table["radii_m"])
@@ -116,15 +106,7 @@ def _radii(place: str, table: Any) -> QuantileRadii:
     return QuantileRadii(levels, leads, rows)
 
 
-def _numbers(place: str, table: Any, names: tuple[str, ...]) -> dict[str, float]:
-    _keys(place, table, names)
-    for name in names:
-        if isinstance(table[name], bool) or not isinstance(table[name], int | float):
-            raise InputError(f"{place} {name}: expected a number, got {table[name]!r}")
-    return {name: float(table[name]) for name in names}
-
-
-def _keys(place: str, table: Any, names: tuple[str, ...]) -> None:
-    if not isinstance(table, Mapping) or set(table) != set(names):
-        got = ", ".join(table) if isinstance(table, Mapping) else repr(table)
-        raise InputError(f"{place}: expected exactly the keys {', '.join(names)}, got {got}")
+def _numbers(name: str, value: object, keys: tuple[str, ...]) -> dict[str, float]:
+    table, where = as_table(name, value), f"[{name}]"
+    require_keys(where, table, keys)
+    return {key: as_number(where, key, table[key]) for key in keys}

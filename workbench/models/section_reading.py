@@ -2,11 +2,67 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import math
-from collections.abc import Iterable, Mapping
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
 
 from workbench.errors import InputError
+
+_Content = TypeVar("_Content")
+_Section = TypeVar("_Section")
+
+
+def read_file(
+    path: str | Path, content: Callable[[Mapping[str, Any]], _Content], *, what: str, shipped: Path
+) -> _Content:
+    """What `content` makes of a TOML file.
+
+    what: kind of file, for messages, as vehicle; shipped: one to copy and compare with. Raises
+    InputError that names the file, for one that is missing or broken or that content refuses.
+    """
+    try:
+        document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(
+            f"{path}: no such {what} file; copy the shipped one, {shipped}, and edit it"
+        ) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{path}: expected a TOML file, but: {error}; compare with {shipped}"
+        ) from None
+    try:
+        return content(document)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def read_section(kind: Callable[..., _Section], name: str, value: object) -> _Section:
+    """A dataclass of numbers and a provenance from its section; fields with defaults may lack."""
+    table, where = as_table(name, value), f"[{name}]"
+    fields = dataclasses.fields(kind)  # type: ignore[arg-type]
+    optional = [
+        item.name for item in fields
+        if item.default is not dataclasses.MISSING and item.name != "provenance"
+    ]  # fmt: skip
+    require_keys(where, table, [i.name for i in fields if i.name not in optional], optional)
+    numbers = {key: as_number(where, key, table[key]) for key in table if key != "provenance"}
+    provenance = as_text(where, "provenance", table)
+    try:
+        return kind(**numbers, provenance=provenance)
+    except InputError as error:
+        raise InputError(f"{where} {error}") from None
+
+
+def require_positive(section: object, *keys: str) -> None:
+    """Raise InputError unless these attributes are finite and above 0."""
+    for key in keys:
+        value = getattr(section, key)
+        if not (math.isfinite(value) and value > 0.0):
+            raise InputError(f"{key}: expected a number > 0, got {value!r}")
 
 
 def require_keys(

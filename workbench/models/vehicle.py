@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import importlib.resources
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +24,8 @@ from workbench.models.section_reading import (
     as_number,
     as_table,
     as_text,
+    read_file,
+    read_section,
     require_keys,
 )
 from workbench.models.vehicle_sections import (
@@ -198,21 +199,7 @@ def load_vehicle(path: str | Path) -> Vehicle:
     InputError for a missing file, broken TOML, unknown or missing keys and values that cannot be,
     each with the section, what was expected, what came and how to mend it.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-        document = tomllib.loads(text)
-    except FileNotFoundError:
-        raise InputError(
-            f"{path}: no such vehicle file; copy the shipped one, {gem_e2_path()}, and edit it"
-        ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{path}: expected a TOML file, but: {error}; compare with {gem_e2_path()}"
-        ) from None
-    try:
-        return _vehicle(document)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    return read_file(path, _vehicle, what="vehicle", shipped=gem_e2_path())
 
 
 def _vehicle(document: Mapping[str, object]) -> Vehicle:
@@ -232,44 +219,27 @@ def _vehicle(document: Mapping[str, object]) -> Vehicle:
     require_keys("[vehicle]", tables["vehicle"], ("name", "provenance"))
     initial_set = tables["initial_set"]
     require_keys("[initial_set]", initial_set, ("center", "radius", "provenance"))
-    limits, brake = (
-        _section(Limits, "limits", tables["limits"]), _section(Brake, "brake", tables["brake"])
-    )  # fmt: skip
+    limits = read_section(Limits, "limits", tables["limits"])
+    brake = read_section(Brake, "brake", tables["brake"])
     return Vehicle(
         name=as_text("[vehicle]", "name", tables["vehicle"]),
         provenance=as_text("[vehicle]", "provenance", tables["vehicle"]),
-        geometry=_section(Geometry, "geometry", tables["geometry"]),
+        geometry=read_section(Geometry, "geometry", tables["geometry"]),
         limits=limits,
-        steering_pid=_section(SteeringGains, "steering_pid", tables["steering_pid"]),
-        speed_pid=_section(SpeedGains, "speed_pid", tables["speed_pid"]),
+        steering_pid=read_section(SteeringGains, "steering_pid", tables["steering_pid"]),
+        speed_pid=read_section(SpeedGains, "speed_pid", tables["speed_pid"]),
         operation=_operation(tables["operation"]),
         initial_set=_initial_set(initial_set),
         initial_set_provenance=as_text("[initial_set]", "provenance", initial_set),
-        guard=_section(Guard, "guard", tables["guard"]),
+        guard=read_section(Guard, "guard", tables["guard"]),
         brake=brake,
-        uncertainty=_section(Uncertainty, "uncertainty", tables["uncertainty"])
+        uncertainty=read_section(Uncertainty, "uncertainty", tables["uncertainty"])
         if "uncertainty" in tables
         else Uncertainty(),
         drive_by_wire=drive_by_wire_section(tables["drive_by_wire"], limits, brake)
         if "drive_by_wire" in tables
         else None,
     )
-
-
-def _section(kind: type[_Section], name: str, table: Mapping[str, object]) -> _Section:
-    where = f"[{name}]"
-    fields = dataclasses.fields(kind)
-    optional = [
-        item.name for item in fields
-        if item.default is not dataclasses.MISSING and item.name != "provenance"
-    ]  # fmt: skip
-    require_keys(where, table, [i.name for i in fields if i.name not in optional], optional)
-    numbers = {key: as_number(where, key, table[key]) for key in table if key != "provenance"}
-    provenance = as_text(where, "provenance", table)
-    try:
-        return kind(**numbers, provenance=provenance)
-    except InputError as error:
-        raise InputError(f"{where} {error}") from None
 
 
 def _operation(table: Mapping[str, object]) -> Operation:

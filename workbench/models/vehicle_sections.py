@@ -10,6 +10,7 @@ from typing import final
 from workbench.controllers import VehicleBrake
 from workbench.errors import InputError
 from workbench.models.closed_loop import Disturbance, EstimationError
+from workbench.models.section_reading import require_positive
 from workbench.sets import Box
 
 STATE_KEYS = {
@@ -24,13 +25,6 @@ STATE_KEYS = {
 REGION_KEYS = {key: name for key, name in STATE_KEYS.items() if name != "station"}
 
 
-def _require_positive(section: object, *keys: str) -> None:
-    for key in keys:
-        value = getattr(section, key)
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(f"{key}: expected a number > 0, got {value!r}")
-
-
 @final
 @dataclass(frozen=True, slots=True)
 class Geometry:
@@ -43,7 +37,7 @@ class Geometry:
     provenance: str
 
     def __post_init__(self) -> None:
-        _require_positive(self, "wheelbase_m", "front_m", "rear_m", "half_width_m")
+        require_positive(self, "wheelbase_m", "front_m", "rear_m", "half_width_m")
         if self.front_m < self.wheelbase_m:
             raise InputError(
                 f"front_m: expected the distance from the rear axle to the front bumper, at least "
@@ -63,7 +57,7 @@ class Limits:
     provenance: str
 
     def __post_init__(self) -> None:
-        _require_positive(self, "steering_rad", "steering_rate_radps", "accel_max_mps2")
+        require_positive(self, "steering_rad", "steering_rate_radps", "accel_max_mps2")
         if self.steering_rad >= math.pi / 2:
             raise InputError(f"steering_rad: expected less than pi/2, got {self.steering_rad!r}")
         if self.accel_min_mps2 >= 0.0:
@@ -146,7 +140,7 @@ class Guard:
     provenance: str
 
     def __post_init__(self) -> None:
-        _require_positive(self, "speed_max_mps", "accel_max_mps2")
+        require_positive(self, "speed_max_mps", "accel_max_mps2")
 
 
 @final
