@@ -69,7 +69,11 @@ def test_broken_files_say_where(tmp_path):
         ("[motion]", "[motions]", "unknown key 'motions'"),
         ("softening_m = ", "softening_m = -", "softening_m: expected a number above 0"),
         ("levels = [0.5", 'levels = ["x"', "expected lists of numbers"),
-        ("preferred_s = ", "preferred_s = true #", "preferred_s: expected a finite number, got True"),
+        (
+            "preferred_s = ",
+            "preferred_s = true #",
+            "preferred_s: expected a finite number, got True",
+        ),
         ("[motion]", "[motion", "expected a TOML file"),
     ):
         path.write_text(text.replace(old, new, 1))
