@@ -7,12 +7,14 @@ import os
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import can
 import pytest
 from onboard_main_cases import SENSORS, installed, manifest, usual_frames
 
+from workbench.errors import InputError
 from workbench.runtime.onboard import listening
 from workbench.runtime.onboard import main as command
 from workbench.runtime.onboard.loop import LONGEST_WAIT_US
@@ -156,6 +158,24 @@ def test_the_time_until_a_frame_is_read_widens_every_delay() -> None:
     assert settings.maker == 0x353243
     assert (settings.signed, settings.bundle_tag) == (True, 7)
     assert "any" not in SENSORS
+
+
+def test_commands_are_sent_within_the_shorter_of_both_proofs_times() -> None:
+    """Found by the board on the vehicle: 50.26 ms, where the plan had 50 and turn_s 55."""
+    given = manifest()
+    wire, monitor = given.drive_by_wire, given.monitor
+    assert wire is not None
+    assert monitor is not None
+    most_s = wire.turn_s
+    for gap_s, expected_s in ((most_s - 0.005, most_s - 0.005), (most_s, most_s)):
+        timing = replace(monitor.timing, send_gap_s=gap_s)
+        settings = settings_from(
+            replace(given, monitor=replace(monitor, timing=timing)), signed=True, tag=7
+        )
+        assert settings.timing.send_gap_s == gap_s
+        assert settings.drive_by_wire.turn_s == expected_s
+    with pytest.raises(InputError, match="at most timing.send_gap_s"):
+        replace(settings, timing=replace(timing, send_gap_s=most_s - 0.001))
 
 
 def test_a_control_folder_that_is_not_private_is_status_15(

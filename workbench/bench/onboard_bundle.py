@@ -20,7 +20,7 @@ HORIZON_S: Final = 2.0
 STEP_S: Final = 0.05
 _REFERENCE_MPS: Final = 1.2
 _STOP_MPS: Final = 0.5
-_TIMING: Final = Timing(period_s=0.12, latency_s=0.1, send_gap_s=0.05)
+_TIMING: Final = Timing(period_s=0.12, latency_s=0.1, send_gap_s=0.055)
 
 
 def shuttle() -> Vehicle:

@@ -78,6 +78,12 @@ class OnboardSettings:
                     f"{name}: expected at least {seconds(TURN_US + SEND_US)!r} s, a turn and the "
                     f"sending of its frames, and the time of a decision beside, got {gap_s!r} s"
                 )
+        if self.drive_by_wire.turn_s > self.timing.send_gap_s:
+            raise InputError(
+                f"drive_by_wire.turn_s: expected at most timing.send_gap_s, "
+                f"{self.timing.send_gap_s!r} s, after which no set of commands may come, got "
+                f"{self.drive_by_wire.turn_s!r} s"
+            )
         margins = (self.gate.acceleration_mps2, self.gate.steering_rate_radps)
         if not all(0.0 <= margin < math.inf for margin in margins):
             raise InputError(f"gate: expected finite margins >= 0, got {self.gate!r}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, final
 
 from workbench.errors import InputError
@@ -93,7 +93,9 @@ def settings_from(manifest: Manifest, *, signed: bool, tag: int) -> OnboardSetti
         reference_speed_mps=next(
             each.nominal for each in manifest.parameters if each.name == "reference_speed"
         ),
-        drive_by_wire=wire,
+        # A set of commands may come no later than either proof has it: the tube's disturbance
+        # turn_s, the plan's switch send_gap_s.
+        drive_by_wire=replace(wire, turn_s=min(wire.turn_s, monitor.timing.send_gap_s)),
         sensors=sensors,
         limits=pacmod2_limits(
             localisation_age_us=sensors.localisation_age_us, people_age_us=sensors.people_age_us
