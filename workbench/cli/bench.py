@@ -14,6 +14,7 @@ from workbench.errors import InputError
 if TYPE_CHECKING:
     from workbench.bench import ColdStart, KernelTime, Loop, MethodScore, SamplePlan
     from workbench.bench.decision_board import DecisionBoard
+    from workbench.bench.intent_cost import UpdateCost
     from workbench.bench.onboard_board import OnboardBoard
     from workbench.bench.online_board import OnlineBoard
     from workbench.report.page import Page
@@ -21,10 +22,10 @@ if TYPE_CHECKING:
 HELP: Final = (
     "Score every tube (validated as one set and in cells, online in both forms) on the benchmark "
     "loops against the same sampled trajectories and against validated ones, and time the online "
-    "ones; the online kernels in all forms, steps and cells; the whole decision; the monitor on "
-    "the vehicle. The seed is fixed. Exit status 1 if any trajectory leaves a tube, compiled code "
-    "computes other bits than its source, a decision exceeds its budget, or a limit of the "
-    "monitor on the vehicle is not kept."
+    "ones; the online kernels in all forms, steps and cells; the whole decision; the intent "
+    "filter; the monitor on the vehicle. The seed is fixed. Exit status 1 if any trajectory leaves "
+    "a tube, compiled code computes other bits than its source, a decision exceeds its budget, or "
+    "a limit of the monitor on the vehicle is not kept."
 )
 EXAMPLE: Final = """\
 workbench bench --quick --only B1 --only B2
@@ -34,7 +35,7 @@ workbench bench --board decision --plot out/decision.html
 workbench bench --board onboard --quick
 """
 
-USUAL: Final = ("tightness", "time", "online", "decision", "cold-start")
+USUAL: Final = ("tightness", "time", "online", "decision", "intent", "cold-start")
 BOARDS: Final = (*USUAL, "onboard")
 """The last takes every core of the machine for a while, and is only measured where it is named."""
 
@@ -64,7 +65,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="measure only this: tightness and escapes of the tubes, time of the online ones, "
         "the online kernels (width, escapes, time, instructions, memory, agreement), the whole "
-        "decision (time, its bound, growth, memory, agreement), cold start of the runtime, or "
+        "decision (time, its bound, growth, memory, agreement), one update of the intent filter "
+        "(time beside plain Python, instructions), cold start of the runtime, or "
         "`onboard`, the monitor on the vehicle (time and period beside busy cores, heap, memory, "
         "start of the program) "
         "(can be given more than once; default: all but `onboard`)",
@@ -85,6 +87,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure, print, and return 1 if any trajectory escapes."""
     from workbench.bench import SamplePlan, bench_loops
+    from workbench.bench.intent_cost import update_text
     from workbench.bench.scoreboard import HORIZONS_S, SAMPLE_STEP_S
     from workbench.bench.text import cold_start_text, tightness_text, times_text
     from workbench.cli.main import CLAIM_FAILS, DONE
@@ -103,7 +106,10 @@ def run(args: argparse.Namespace) -> int:
     onboard = bench_onboard.measure(args) if "onboard" in boards else None
     texts = [tightness_text(loop, scores[loop.benchmark.name]) for loop in loops if scores]
     texts += [times_text(times)] if times else []
+    intent = _intent(quick=args.quick) if "intent" in boards else ()
     boards_texts = _board_texts(online, decision, onboard)
+    if intent:
+        boards_texts["intent"] = update_text(intent)
     bench_files.write(args, boards_texts, _pages(args, online, decision))
     texts += boards_texts.values()
     texts += [cold_start_text(cold)] if cold else []
@@ -117,7 +123,7 @@ def run(args: argparse.Namespace) -> int:
         "\n\n".join(texts),
         {"seed": _SEED, "trajectories": count, "escapes": found if scores else None,
          "tightness": scores, "times": times, "online": online,
-         "decision": decision, "onboard": onboard, "cold_start": cold},
+         "decision": decision, "intent": intent, "onboard": onboard, "cold_start": cold},
     )  # fmt: skip
     return CLAIM_FAILS if bad else DONE
 
@@ -137,6 +143,14 @@ def _online(
     args: argparse.Namespace, loops: Sequence[Loop], trajectories: int
 ) -> list[OnlineBoard]:
     return bench_online.measure(args, loops, trajectories=trajectories, seed=_SEED)
+
+
+def _intent(*, quick: bool) -> tuple[UpdateCost, ...]:
+    from workbench.bench.intent_cost import units_of_work, update_costs
+    from workbench.cli.output import Progress
+
+    with Progress("updates of the intent filter", units_of_work()) as progress:
+        return update_costs(rounds=200 if quick else 2000, advance_by=progress.advance)
 
 
 def _board_texts(

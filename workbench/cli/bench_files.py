@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 PICTURED: Final = ("online", "decision")
 """The boards with pictures for the page."""
-BOARDS: Final = (*PICTURED, "onboard")
+BOARDS: Final = (*PICTURED, "intent", "onboard")
 """The boards with tables for a document."""
 
 
@@ -43,7 +43,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="FILE",
         help="put a board's tables into this document, between the marks of the board `online`, "
-        "`decision` or `onboard` that it holds (can be given more than once)",
+        "`decision`, `intent` or `onboard` that it holds (can be given more than once)",
     )
 
 

@@ -83,9 +83,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--vary", action="store_true",
         help="also score with each number of the filter halved and doubled (minutes)",
     )  # fmt: skip
-    parser.add_argument(
-        "--times", action="store_true", help="also measure one update, in NumPy, C and plain Python"
-    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -166,14 +163,12 @@ def _answer(args: argparse.Namespace) -> int:
 
 def _evaluate(args: argparse.Namespace) -> int:
     from workbench.cli.intent_folder import read_folder
-    from workbench.cli.intent_times import measured_times
 
     folder = read_folder(args)
     answers = _judged(args, folder)
     scores, table = _scores(answers)
     errands = _errands(args) if args.scenarios else []
     variations = _varied(args, folder) if args.vary else []
-    times = measured_times() if args.times else []
     if args.plot is not None:
         from workbench.cli.intent_page import write_intent_page
 
@@ -185,12 +180,9 @@ def _evaluate(args: argparse.Namespace) -> int:
         text += ["", _varied_text(variations)]
     if errands:
         text += ["", _errand_text(errands)]
-    if times:
-        headings = ["one update", "people", "particles each", "median CPU (us)", "99 % (us)"]
-        text += ["", text_table(headings, [list(row) for row in times])]
     text += [f"wrote {args.plot}"] if args.plot is not None else []
     data = {"scores": scores, "calibration": table, "priors": priors, "errands": errands,
-            "variations": variations, "times": times, "plot": args.plot}  # fmt: skip
+            "variations": variations, "plot": args.plot}  # fmt: skip
     emit(args, "\n".join(text), data)
     return 0
 
@@ -242,7 +234,7 @@ def _score_text(scores: tuple[Score, ...]) -> str:
 
 def _varied(args: argparse.Namespace, folder: Folder) -> list[Varied]:
     from workbench.cli.intent_folder import chosen_filter
-    from workbench.cli.intent_times import quick_update
+    from workbench.cli.intent_update import quick_update
     from workbench.estimation.intent_choice import variants, varied
     from workbench.estimation.intent_scores import walks
 

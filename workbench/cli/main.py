@@ -26,6 +26,8 @@ COMMANDS: Final = {
     "inner": "prove how tight a tube is, by validated trajectories",
     "gains": "show poles, margins and the tube for a vehicle's gains",
     "intent": "say where recorded people go, score it and answer questions",
+    "localise": "say where a car was in a recorded drive, with nested sets",
+    "commission": "fit steering zero, speed scale and wheelbase to a recorded drive",
     "build": "compile a monitor bundle",
     "keygen": "make the keys for signing bundles",
     "sign": "sign a bundle, for vehicles that load no other",

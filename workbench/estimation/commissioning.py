@@ -61,12 +61,14 @@ class DriveLog:
 @dataclass(frozen=True, slots=True)
 class Commissioned:
     """Estimates and covariance over `ESTIMATED`; residual: root mean square of accepted ranges'
-    residuals over their deviation, about 1 if the site's figures hold; strays: ranges set aside."""
+    residuals over their deviation, about 1 if the site's figures hold; strays, ranges (b,): how
+    many were set aside, and how many there were, per beacon."""
 
     estimate: Array
     covariance: Array
     residual: float
-    strays: int
+    strays: tuple[int, ...]
+    ranges: tuple[int, ...]
 
     def deviation(self, name: str) -> float:
         """Standard error of one estimate."""
@@ -122,8 +124,13 @@ def commission(site: Site, log: DriveLog, *, wheelbase_m: float, wheelbase_error
     covariance = np.linalg.inv(found.jac.T @ found.jac)[:count, :count]
     ranges = fit.residuals(found.x[None])[0, : len(every)][kept]
     return Commissioned(
-        found.x[:count], covariance, float(np.sqrt(np.mean(ranges**2))), int((~kept).sum())
-    )
+        found.x[:count], covariance, float(np.sqrt(np.mean(ranges**2))),
+        _by_beacon(site, log.beacons[~kept]), _by_beacon(site, log.beacons),
+    )  # fmt: skip
+
+
+def _by_beacon(site: Site, beacons: NDArray[np.int64]) -> tuple[int, ...]:
+    return tuple(map(int, np.bincount(beacons, minlength=len(site.beacons))))
 
 
 def _solved(

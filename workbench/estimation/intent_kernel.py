@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from importlib.resources import files
 from pathlib import Path
-from typing import final
+from typing import Final, final
 
 import numpy as np
 
@@ -62,21 +62,35 @@ class CompiledUpdate:
         self, cloud: Cloud, draws: Draws, measured: Measured, settings: FilterSettings
     ) -> tuple[Cloud, Values]:
         """See `Update`."""
-        intents, n = cloud.speed.shape
-        sizes = _Sizes(
-            intents, n, len(draws.sources), len(draws.kicks), settings.kick, settings.free_kick,
-            settings.relax_s, settings.deviation_m, settings.floor, measured.duration_s,
-        )  # fmt: skip
-        # Place, velocity and speed are overwritten; everything else is only read.
-        scratch = [_copy(cloud.place), _copy(cloud.velocity), _read(cloud.aim), _copy(cloud.speed)]
-        given = [_read(each) for each in (
-            draws.kicks, draws.speeds, draws.aims, draws.comb, draws.sources, draws.members,
-            measured.place,
-        )]  # fmt: skip
-        weights = _copy(measured.weights)
-        goals, spreads = _read(measured.goals), _read(measured.spreads)
-        new = [np.empty_like(each) for each in scratch]
-        weight = np.empty((intents, n))
-        arrays = [*scratch, *given, weights, goals, spreads, *new, weight]
+        counts, numbers, arrays = kernel_arguments(cloud, draws, measured, settings)
+        sizes = _Sizes(*counts, *numbers)
         self._call(ctypes.byref(sizes), *map(_at, arrays))
-        return Cloud(*new), weights
+        return Cloud(*arrays[_NEW]), arrays[_WEIGHTS]
+
+
+_WEIGHTS: Final = 11
+_NEW: Final = slice(14, 18)
+
+
+def kernel_arguments(
+    cloud: Cloud, draws: Draws, measured: Measured, settings: FilterSettings
+) -> tuple[tuple[int, ...], tuple[float, ...], list[Values]]:
+    """What the C function is called with: counts and numbers of its sizes, and its 19 arrays.
+
+    Weights and new particles are in the arrays when it has returned.
+    """
+    intents, n = cloud.speed.shape
+    counts = (intents, n, len(draws.sources), len(draws.kicks))
+    numbers = (
+        settings.kick, settings.free_kick, settings.relax_s, settings.deviation_m, settings.floor,
+        measured.duration_s,
+    )  # fmt: skip
+    # Place, velocity and speed are overwritten; everything else is only read.
+    scratch = [_copy(cloud.place), _copy(cloud.velocity), _read(cloud.aim), _copy(cloud.speed)]
+    given = [_read(each) for each in (
+        draws.kicks, draws.speeds, draws.aims, draws.comb, draws.sources, draws.members,
+        measured.place,
+    )]  # fmt: skip
+    around = [_copy(measured.weights), _read(measured.goals), _read(measured.spreads)]
+    new = [np.empty_like(each) for each in scratch]
+    return counts, numbers, [*scratch, *given, *around, *new, np.empty((intents, n))]
