@@ -17,8 +17,9 @@ from intent_cases import SQUARE, square, write
 
 from workbench.cli.main import load_command
 from workbench.errors import InputError
-from workbench.estimation.motion_filter import MotionNumbers
-from workbench.estimation.motion_parameters import MotionParameters
+from workbench.estimation.field_paths import Others, TowardGoal
+from workbench.estimation.motion_filter import MotionNumbers, estimate
+from workbench.estimation.motion_parameters import MotionParameters, load_motion
 from workbench.estimation.people_data import load_measured
 from workbench.estimation.potential_field import Field, Repulsion
 from workbench.estimation.prediction import PreferredVelocity
@@ -133,26 +134,57 @@ def test_interpolated_samples_that_know_the_next_click_are_not_used(folder: Path
     assert answered(folder, GOAL_QUERIES) == before
 
 
-def test_places_are_what_the_prediction_says(folder: Path, motion: Path) -> None:
-    queries: list[list[Any]] = [
-        ["recording", "agent", "t0", "h"], ["square_0", "p2", 9.0, 2.0],
-        ["square_1", "p0", 3.3, 0.5],
-    ]  # fmt: skip
-    found = answered(folder, queries, "--motion", motion)
+PLACE_QUERIES: list[list[Any]] = [
+    ["recording", "agent", "t0", "h"], ["square_0", "p2", 9.0, 2.0], ["square_1", "p0", 3.3, 0.5],
+]  # fmt: skip
+
+
+def test_places_without_goals_lie_straight_on(folder: Path, motion: Path) -> None:
+    (folder / "goals.csv").unlink()
+    (folder / "goal_labels.csv").unlink()
+    found = answered(folder, PLACE_QUERIES, "--motion", motion)
     tracks = {track.key: track for track in load_measured(folder)}
-    for row, (recording, agent, t0, h) in zip(found, queries[1:], strict=True):
+    for row, (recording, agent, t0, h) in zip(found, PLACE_QUERIES[1:], strict=True):
         history = tracks[recording, agent].until(t0)
         (wanted,) = PreferredVelocity(NUMBERS).places_m(history, t0, (h,))
         np.testing.assert_allclose([float(row["x"]), float(row["y"])], wanted, atol=1e-4)
         assert list(row) == ["recording", "agent", "t0", "h", "x", "y"]
 
 
-def test_places_need_no_goals(folder: Path, motion: Path) -> None:
-    queries: list[list[Any]] = [["recording", "agent", "t0", "h"], ["square_0", "p2", 9.0, 2.0]]
-    before = answered(folder, queries, "--motion", motion)
-    (folder / "goals.csv").unlink()
+def test_places_lie_half_way_between_straight_on_and_the_mean_of_the_likely_goals(
+    folder: Path, motion: Path
+) -> None:
+    asked = ["recording", "agent", "t"], ["square_0", "p2", 9.0]
+    likely = [float(row["p"]) for row in answered(folder, [*asked], "--motion", motion)]
+    row = answered(folder, PLACE_QUERIES[:2], "--motion", motion)[0]
+    history = {track.key: track for track in load_measured(folder)}["square_0", "p2"].until(9.0)
+    parameters = load_motion(motion)
+    (straight,) = PreferredVelocity(NUMBERS).places_m(history, 9.0, (2.0,))
+    known, field = estimate(history, NUMBERS), TowardGoal(parameters.field)
+    toward = [
+        field.places_m(known, 9.0, (2.0,), goal_m=(goal.x_m, goal.y_m), others=Others.none())[0]
+        for goal in SQUARE
+    ]
+    mean = sum(p * place for p, place in zip(likely, toward, strict=True))
+    share = 0.5 / (1.0 + ((9.0 - known.t_s) / NUMBERS.trusted_s) ** 4)
+    wanted = (1.0 - share) * straight + share * mean
+    np.testing.assert_allclose([float(row["x"]), float(row["y"])], wanted, atol=1e-3)
+    assert np.hypot(*(wanted - straight)) > 0.01
+
+
+def test_places_are_answered_where_nothing_says_which_scene_it_is(
+    folder: Path, motion: Path
+) -> None:
+    write(folder / "goals.csv", [
+        ["scene", "goal", "x", "y"],
+        *([scene, goal.name, goal.x_m, goal.y_m] for scene in "ab" for goal in SQUARE),
+    ])  # fmt: skip
     (folder / "goal_labels.csv").unlink()
-    assert answered(folder, queries, "--motion", motion) == before
+    found = answered(folder, PLACE_QUERIES, "--motion", motion)
+    (folder / "goals.csv").unlink()
+    assert found == answered(folder, PLACE_QUERIES, "--motion", motion)
+    with pytest.raises(InputError, match=r"has no goals\.csv"):
+        answered(folder, GOAL_QUERIES)
 
 
 def test_a_table_may_mix_both_kinds(folder: Path, motion: Path) -> None:

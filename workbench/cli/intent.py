@@ -152,7 +152,11 @@ def _answer(args: argparse.Namespace) -> int:
     from workbench.cli.intent_folder import read_folder
 
     queries = read_queries(args.answers)
-    folder = read_folder(args, {query.key[0] for query in queries if query.h_s is None})
+    asked, placed = (
+        {query.key[0] for query in queries if (query.h_s is None) is of_goals}
+        for of_goals in (True, False)
+    )
+    folder = read_folder(args, asked, helped=placed)
     text = answer_queries(args, folder, queries)
     write_text(args.out, text)
     rows = text.count("\n") - 1

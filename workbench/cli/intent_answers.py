@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from workbench.cli.intent_folder import Folder
     from workbench.estimation.goals import Goal
     from workbench.estimation.intent_filter import Belief
+    from workbench.estimation.likely_goals import TowardLikelyGoals
     from workbench.estimation.people_data import PersonTrack
-    from workbench.estimation.prediction import Predictor
     from workbench.estimation.tables import Row, Table
 
 _GOAL_COLUMNS: Final = ("goal", "p")
@@ -167,19 +167,25 @@ class Feed:
         return belief
 
 
-def _predictor(args: argparse.Namespace) -> Predictor:
+def _predictor(args: argparse.Namespace) -> TowardLikelyGoals:
+    from workbench.estimation.likely_goals import TowardLikelyGoals
     from workbench.estimation.motion_parameters import load_motion, shipped_motion_path
-    from workbench.estimation.prediction import PreferredVelocity
 
-    return PreferredVelocity(load_motion(args.motion or shipped_motion_path()).numbers)
+    return TowardLikelyGoals(load_motion(args.motion or shipped_motion_path()))
 
 
-def _rows(query: Query, feed: Feed, predictor: Predictor | None) -> Iterator[dict[str, str]]:
+def _rows(
+    query: Query, feed: Feed, predictor: TowardLikelyGoals | None
+) -> Iterator[dict[str, str]]:
     agent = query.key[1]
     key = {"recording": query.key[0], "agent": query.key[1]}
     if query.h_s is not None and predictor is not None:
         history = feed.people[agent].until(query.t_s)
-        ((x_m, y_m),) = predictor.places_m(history, query.t_s, (query.h_s,))
+        goals = feed.goals
+        likely = goal_answer(feed, agent, query.t_s) if goals else ()
+        ((x_m, y_m),) = predictor.places_m(
+            history, query.t_s, (query.h_s,), goals=goals, probability=likely
+        )
         asked = {"t0": query.row.text("t0"), "h": query.row.text("h")}
         yield key | asked | {"x": f"{x_m:.4f}", "y": f"{y_m:.4f}"}
         return

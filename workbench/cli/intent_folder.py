@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -50,11 +51,13 @@ class Folder:
         return list(dict.fromkeys(track.recording for track in self.tracks))
 
 
-def read_folder(args: argparse.Namespace, asked: Iterable[str] | None = None) -> Folder:
+def read_folder(
+    args: argparse.Namespace, asked: Iterable[str] | None = None, *, helped: Iterable[str] = ()
+) -> Folder:
     """Everything that the options name, checked; goals only where some recording's are asked.
 
-    asked: the recordings whose goals are asked, None for all. Raises InputError on what cannot be
-    used.
+    asked: the recordings whose goals are asked, None for all; helped: recordings whose goals are
+    read too where there are any. Raises InputError on what cannot be used.
     """
     from workbench.estimation.goals import load_goals
     from workbench.estimation.intent_labels import load_labels, scenes_of
@@ -68,11 +71,30 @@ def read_folder(args: argparse.Namespace, asked: Iterable[str] | None = None) ->
     if names:
         goals = load_goals(args.goals or _goals_of(args.folder))
         scenes = scenes_of(args.folder, names, list(goals), given=args.scene)
+    scenes |= _helpful(args, goals, [name for name in there if name in set(helped) - set(names)])
     labels = load_labels(args.folder)
-    if names and labels and _other_goals(args, goals):
+    if goals and labels and _other_goals(args, goals):
         warn("--goals: the folder's labels are about its own goals.csv; they are left out")
         labels = ()
     return Folder(args.folder, tracks, load_measured(args.folder), labels, goals, scenes)
+
+
+def _helpful(
+    args: argparse.Namespace, goals: dict[str, tuple[Goal, ...]], helped: Sequence[str]
+) -> dict[str, str]:
+    """Scenes of recordings whose goals nobody asks, as far as they are known; adds their goals."""
+    from workbench.estimation.goals import load_goals
+    from workbench.estimation.intent_labels import scenes_of
+
+    own = any((args.folder / name).is_file() for name in _OWN_GOALS)
+    if not helped or (args.goals is None and not own):
+        return {}
+    goals |= load_goals(args.goals or _goals_of(args.folder))
+    found: dict[str, str] = {}
+    for name in helped:
+        with contextlib.suppress(*(() if args.scene else (InputError,))):
+            found |= scenes_of(args.folder, [name], list(goals), given=args.scene)
+    return found
 
 
 def _other_goals(args: argparse.Namespace, goals: Mapping[str, tuple[Goal, ...]]) -> bool:

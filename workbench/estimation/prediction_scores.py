@@ -10,9 +10,15 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.estimation.likely_goals import LikelyGoals, likely_goal_errors, likely_goals
 from workbench.estimation.motion_fit import LEVELS, Material, errors_of, fitted, gather
 from workbench.estimation.motion_parameters import MotionParameters
-from workbench.estimation.motion_queries import HORIZONS_S, SCORED_S
+from workbench.estimation.motion_queries import (
+    HORIZONS_S,
+    SCORED_S,
+    known_by_then,
+    preferred_velocity,
+)
 from workbench.estimation.quantile_radii import QuantileRadii, multiples
 
 Values = NDArray[np.float64]
@@ -102,7 +108,7 @@ def score_motion(folder: Path, shipped: MotionParameters) -> MotionScores:
     """
     material = gather(Path(folder))
     ours = _answers(material, shipped)
-    free, toward = _held_out(material)
+    free, toward, likely = _held_out(material, likely_goals(Path(folder), material.queries))
     fresh = material.queries.fresh
     off: list[Off] = []
     questions = [("fresh", fresh)] if fresh.all() else [("fresh", fresh), ("all", fresh | True)]
@@ -110,6 +116,8 @@ def score_motion(folder: Path, shipped: MotionParameters) -> MotionScores:
         off += _off("constant velocity", name, material.baseline_m[chosen])
         off += _off("shipped numbers", name, ours[0].errors[chosen])
         off += _off("recording held out", name, free.errors[chosen])
+        if likely is not None:
+            off += _off("recording held out, likely goals", name, likely[chosen])
     for_goal = np.isfinite(material.goals_m[:, 0]) & fresh
     if for_goal.any():
         off += _off("constant velocity", "goal known afterwards", material.baseline_m[for_goal])
@@ -122,18 +130,33 @@ def score_motion(folder: Path, shipped: MotionParameters) -> MotionScores:
     return MotionScores(tuple(off), tuple(held))
 
 
-def _held_out(material: Material) -> tuple[_Answers, _Answers]:
-    """Answers to each question by numbers that were fitted to the other recordings."""
+def _held_out(
+    material: Material, goals: LikelyGoals | None
+) -> tuple[_Answers, _Answers, Values | None]:
+    """Answers to each question by numbers that were fitted to the other recordings: straight on,
+    to the goal known afterwards, and the errors (n, h) where goals are known by probability."""
     names = material.queries.recordings
     parts: list[tuple[Chosen, tuple[_Answers, _Answers]]] = []
+    likely = None if goals is None else np.full_like(material.baseline_m, np.nan)
     for index in range(len(names)):
         others = np.arange(len(names)) != index
         asked = material.queries.recording == index
         if asked.any():
-            parts.append((asked, _answers(material, fitted(material, others, "held out"))))
-    return _joined([(a, both[0]) for a, both in parts]), _joined(
-        [(a, both[1]) for a, both in parts]
-    )
+            parameters = fitted(material, others, "held out")
+            parts.append((asked, _answers(material, parameters)))
+            if goals is not None and likely is not None:
+                likely[asked] = _likely(material, parameters, goals, np.flatnonzero(asked))
+    free = _joined([(asked, both[0]) for asked, both in parts])
+    return free, _joined([(asked, both[1]) for asked, both in parts]), likely
+
+
+def _likely(
+    material: Material, parameters: MotionParameters, goals: LikelyGoals, asked: NDArray[np.intp]
+) -> Values:
+    queries = material.queries
+    known = known_by_then(queries, parameters.numbers)
+    straight, _ = preferred_velocity(queries, known, parameters.numbers, HORIZONS_S)
+    return likely_goal_errors(queries, known, straight, parameters, goals, asked)
 
 
 def _joined(parts: Sequence[tuple[Chosen, _Answers]]) -> _Answers:
