@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
+from pathlib import Path
 
 import pytest
 
@@ -32,6 +34,16 @@ def test_any_positive_limit_will_do(name: str) -> None:
 def test_speeds_have_a_lowest_and_a_highest(wrong: tuple[float, float]) -> None:
     with pytest.raises(InputError, match="speed_mps"):
         dataclasses.replace(LIMITS, speed_mps=wrong)
+
+
+def test_every_limit_is_the_one_in_the_documents_table() -> None:
+    """A number that is changed by mistake, in either place, is noticed."""
+    document = (Path(__file__).parent.parent / "docs" / "on-the-vehicle.md").read_text()
+    rows = dict(re.findall(r"(?m)^\| `(\w+)` \| (-?[\d.]+(?: to [\d.]+)?) \|", document))
+    written = {**dataclasses.asdict(LIMITS), "speed_mps": "{} to {}".format(*LIMITS.speed_mps)}
+    for name in ("localisation_age_us", "people_age_us"):
+        del written[name]
+    assert {name: rows[name] for name in written} == {k: str(v) for k, v in written.items()}
 
 
 def test_ages_are_three_periods_of_a_thirtieth_of_a_second() -> None:

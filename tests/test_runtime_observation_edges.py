@@ -9,7 +9,12 @@ import pytest
 from runtime_world import observation, observed, standing
 
 from workbench.runtime import Watched
-from workbench.runtime.observation import Observation, fault_in_observation, tracked_people
+from workbench.runtime.observation import (
+    Observation,
+    ObservedPerson,
+    fault_in_observation,
+    tracked_people,
+)
 from workbench.runtime.person_tubes import FOREVER_S
 
 LIMITS = {
@@ -71,3 +76,7 @@ def test_a_guard_s_tube_begins_where_the_people_s_clock_may_be(low: float, from_
     guard = tracked.tubes[-1]
     begun_s = {run[0].from_s for run in guard.bounds}
     assert (begun_s, guard.until_s) == ({from_s}, FOREVER_S)
+
+
+def test_a_person_is_seen_unless_said_to_be_assumed() -> None:
+    assert not ObservedPerson("Ann", (), observed(FAR).guard).assumed
