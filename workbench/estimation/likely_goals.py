@@ -15,7 +15,13 @@ from typing import Final, final
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.estimation.field_paths import Others, TowardGoal, paths, starts
+from workbench.estimation.field_paths import (
+    DISC_NUMBERS,
+    VEHICLE_NUMBERS,
+    Others,
+    paths,
+    starts,
+)
 from workbench.estimation.goals import Goal, centres_m, load_goals
 from workbench.estimation.intent_cloud import FilterSettings, NumpyUpdate
 from workbench.estimation.intent_filter import Intents, answer, follow
@@ -63,14 +69,16 @@ class TowardLikelyGoals:
         straight = on.places_m(history, at_s, horizons_s)
         if not len(goals):
             return straight
-        known, field = estimate(history, self.parameters.numbers), TowardGoal(self.parameters.field)
-        ways = [
-            field.places_m(known, at_s, horizons_s, goal_m=centre, others=Others.none())
-            for centre in centres_m(goals)
-        ]
+        known, many = estimate(history, self.parameters.numbers), len(goals)
+        leads = at_s - known.t_s + np.asarray(horizons_s, dtype=np.float64)
+        begin = np.repeat(starts([known]), many, axis=0)
+        ways = paths(
+            self.parameters.field, begin, centres_m(goals), np.tile(leads, (many, 1)),
+            others=_nobody(many),
+        )  # fmt: skip
         likely = np.array([probability], dtype=np.float64)
         age = np.array([at_s - known.t_s])
-        found = between(straight[None], np.array([ways]), likely, age, self.parameters.numbers)
+        found = between(straight[None], ways[None], likely, age, self.parameters.numbers)
         return np.asarray(found[0])
 
 
@@ -120,7 +128,7 @@ def likely_goal_errors(
     """
     begin, leads = starts([known[k] for k in asked]), queries.leads_s[asked]
     leads = np.minimum(leads, HORIZONS_S[-1] + 2.0)
-    nobody = Others(np.empty((len(asked), 0, 5)), np.empty((len(asked), 0, 7)))
+    nobody = _nobody(len(asked))
     goals = likely.goals_m[asked]
     ways = np.stack([
         paths(parameters.field, begin, goals[:, g], leads, others=nobody)
@@ -132,6 +140,10 @@ def likely_goal_errors(
     off = places - queries.truth_m[asked]
     errors: Values = np.hypot(off[..., 0], off[..., 1])
     return errors
+
+
+def _nobody(people: int) -> Others:
+    return Others(np.empty((people, 0, DISC_NUMBERS)), np.empty((people, 0, VEHICLE_NUMBERS)))
 
 
 def _answers(
