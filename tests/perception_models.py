@@ -90,6 +90,56 @@ def bright_network(path: Path, *, head: str) -> Path:
     return _saved(path, helper.make_graph(nodes, "g", [image], [answer], constants), NAMES)
 
 
+def colour_network(path: Path, *, size: tuple[int, int]) -> Path:
+    """A network that sees a red person, a green person and a blue car, each in the box of all its
+    pixels: c - (the two other colours) > 0.4. size: (height, width) of its input."""
+    weights = (2.0 * np.eye(3) - 1.0).reshape(3, 3, 1, 1)
+    constants = {
+        "weights": weights,
+        "enough": 0.4,
+        "score": 0.9,
+        "half": 0.5,
+        "people": [[[1.0, 1.0, 0.0]]],
+        "nobody": [[[0.0, 0.0, 0.0]]],
+        "cars": [[[0.0, 0.0, 1.0]]],
+    }
+    nodes = [
+        helper.make_node("Conv", ["images", "weights"], ["purity"]),
+        helper.make_node("Greater", ["purity", "enough"], ["marked"]),
+        helper.make_node("Cast", ["marked"], ["mask"], to=TensorProto.FLOAT),
+        helper.make_node("ReduceMax", ["mask"], ["some"], axes=[2, 3], keepdims=0),
+    ]
+    # Along columns (u) and rows (v): the first and one past the last that is marked.
+    for name, over, length in (("u", 2, size[1]), ("v", 3, size[0])):
+        numbers = np.arange(length, dtype=np.float64)
+        constants |= {f"{name}_first": numbers - length, f"{name}_last": numbers + 1.0,
+                      f"{name}_length": float(length)}  # fmt: skip
+        nodes += [
+            helper.make_node("ReduceMax", ["mask"], [f"{name}_any"], axes=[over], keepdims=0),
+            helper.make_node("Mul", [f"{name}_any", f"{name}_first"], [f"{name}_lows"]),
+            helper.make_node("ReduceMin", [f"{name}_lows"], [f"{name}_low"], axes=[2], keepdims=0),
+            helper.make_node("Add", [f"{name}_low", f"{name}_length"], [f"{name}_begin"]),
+            helper.make_node("Mul", [f"{name}_any", f"{name}_last"], [f"{name}_highs"]),
+            helper.make_node("ReduceMax", [f"{name}_highs"], [f"{name}_end"], axes=[2], keepdims=0),
+            helper.make_node("Add", [f"{name}_begin", f"{name}_end"], [f"{name}_sum"]),
+            helper.make_node("Mul", [f"{name}_sum", "half"], [f"{name}_centre"]),
+            helper.make_node("Sub", [f"{name}_end", f"{name}_begin"], [f"{name}_side"]),
+        ]
+    nodes.append(helper.make_node("Mul", ["some", "score"], ["scores"]))
+    rows = ["u_centre", "v_centre", "u_side", "v_side", "scores"]
+    axis = numpy_helper.from_array(np.array([1], dtype=np.int64), "axis")
+    nodes += [helper.make_node("Unsqueeze", [row, "axis"], [f"{row}_row"]) for row in rows]
+    kinds = ("people", "nobody", "cars")
+    nodes += [helper.make_node("Mul", ["scores_row", kind], [f"is_{kind}"]) for kind in kinds]
+    parts = [*(f"{row}_row" for row in rows[:4]), *(f"is_{kind}" for kind in kinds)]
+    nodes.append(helper.make_node("Concat", parts, ["output0"], axis=1))
+    image = helper.make_tensor_value_info("images", TensorProto.FLOAT, [1, 3, *size])
+    answer = helper.make_tensor_value_info("output0", TensorProto.FLOAT, [1, 4 + len(NAMES), 3])
+    held = [numpy_helper.from_array(np.array(value, dtype=np.float32), name)
+            for name, value in constants.items()]  # fmt: skip
+    return _saved(path, helper.make_graph(nodes, "g", [image], [answer], [*held, axis]), NAMES)
+
+
 def _saved(path: Path, graph: onnx.GraphProto, names: Sequence[str] | None) -> Path:
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
     model.ir_version = 9

@@ -9,6 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
+import onnx
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -223,6 +224,24 @@ def test_an_open_size_and_missing_names_must_be_given(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("stated", "size"), [("[320, 640]", (320, 640)), ("[64,64]", (64, 64)), ("320", None)]
+)
+def test_an_open_size_is_the_one_that_the_file_says_it_was_trained_for(
+    stated: str, size: tuple[int, int] | None, tmp_path: Path
+) -> None:
+    path = constant_network(tmp_path / "open.onnx", ZEROS, sides=("h", "w"))
+    model = onnx.load(str(path))
+    onnx.helper.set_model_props(model, {"names": str(dict(enumerate(NAMES))), "imgsz": stated})
+    onnx.save(model, str(path))
+    if size is None:
+        with pytest.raises(InputError, match="size open"):
+            load_network(path)
+    else:
+        assert load_network(path).size == size
+        assert load_network(path, size=(32, 96)).size == (32, 96)
+
+
 def test_files_that_are_no_networks_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such network"):
         load_network(tmp_path / "absent.onnx")
@@ -233,3 +252,10 @@ def test_files_that_are_no_networks_are_refused(tmp_path: Path) -> None:
         load_network(constant_network(tmp_path / "zeros.onnx", ZEROS), size=(32, 32))
     with pytest.raises(InputError, match="fits none"):
         load_network(constant_network(tmp_path / "zeros.onnx", ZEROS, names=("person",)))
+
+
+def test_an_image_of_the_inputs_size_is_not_sampled() -> None:
+    image = np.random.default_rng(1).integers(0, 256, (12, 9, 3), dtype=np.uint8)
+    framed, chart = letterboxed(image, (12, 9))
+    assert np.array_equal(framed, (image.astype(np.float32) / np.float32(255.0)).transpose(2, 0, 1))
+    assert (chart.scale_x, chart.scale_y, chart.left_px, chart.top_px) == (1.0, 1.0, 0, 0)

@@ -1,6 +1,5 @@
-"""Association makes the most pairs at the least distance (by brute force), never one that the
-limits forbid, whatever the order; tracks keep people who cross, hold their velocity, begin and
-end."""
+"""Association makes the most and likeliest pairs (by brute force), never one that the limits
+forbid, whatever the order; tracks keep people who cross, hold place and velocity, begin and end."""
 
 from __future__ import annotations
 
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import norm
 
 from workbench.errors import InputError
 from workbench.perception.tracks import (
@@ -58,33 +58,41 @@ def allowed(track: Track, seen: Sighting, at_s: float) -> bool:
 def best_by_brute_force(
     tracks: tuple[Track, ...], seen: list[Sighting], at_s: float
 ) -> tuple[int, float]:
-    """(pairs, sum of distances) of the best choice, by trying all."""
+    """(pairs, sum of minus log densities) of the best choice, by trying all."""
     best = (0, 0.0)
     padded = [*range(len(seen)), *[None] * len(tracks)]
     for choice in set(itertools.permutations(padded, len(tracks))):
         pairs = [(t, seen[k]) for t, k in zip(tracks, choice, strict=True) if k is not None]
         if all(allowed(track, each, at_s) for track, each in pairs):
-            total = sum(distance(track, each, at_s) for track, each in pairs)
+            total = sum(surprise(track, each, at_s) for track, each in pairs)
             best = min(best, (-len(pairs), total))
     return -best[0], best[1]
 
 
-def distance(track: Track, seen: Sighting, at_s: float) -> float:
-    """From where they are at the constant velocity in the middle of its disc."""
+def surprise(track: Track, seen: Sighting, at_s: float) -> float:
+    """Minus the log density of the step from the place at constant velocity to the sighting, the
+    difference of two normal places with half their discs' radii as standard deviations."""
     t = at_s - track.guard.at_s
-    p, w = track.guard.position, track.guard.velocity
-    return abs(complex(seen.place.x - p.x - w.x * t, seen.place.y - p.y - w.y * t))
+    p, w, limits = track.guard.position, track.guard.velocity, track.guard.limits
+    by_now = min(
+        p.radius + w.radius * t + 0.5 * limits.acceleration_mps2 * t**2,
+        p.radius + limits.speed_mps * t,
+    )
+    spread = math.hypot(0.5 * by_now, 0.5 * seen.place.radius)
+    step = (seen.place.x - p.x - w.x * t, seen.place.y - p.y - w.y * t)
+    return -sum(float(norm.logpdf(each, scale=spread)) for each in step)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(0, 3), st.integers(0, 3))
 def test_association_is_the_best_of_all(seed: int, count: int, sightings: int) -> None:
     rng = np.random.default_rng(seed)
     tracks, at_s = drawn_tracks(rng, count), 2.0 * STEP_S
-    seen = [sighting(*place) for place in rng.uniform(-2.0, 2.0, (sightings, 2))]
+    places, radii = rng.uniform(-2.0, 2.0, (sightings, 2)), rng.uniform(0.05, 1.5, sightings)
+    seen = [sighting(*place, radius) for place, radius in zip(places, radii, strict=True)]
     pairs = associated(tracks, seen, at_s=at_s)
     assert len(set(pairs.values())) == len(pairs)
     assert all(allowed(tracks[k], seen[j], at_s) for k, j in pairs.items())
-    total = sum(distance(tracks[k], seen[j], at_s) for k, j in pairs.items())
+    total = sum(surprise(tracks[k], seen[j], at_s) for k, j in pairs.items())
     most, least = best_by_brute_force(tracks, seen, at_s)
     assert len(pairs) == most
     assert total == pytest.approx(least, abs=1e-9)
@@ -191,6 +199,53 @@ def test_a_true_track_never_refutes_the_guard_before() -> None:
         if abs(v + a * STEP_S) > 2.5:
             a = -v / abs(v)
         z, v = z + v * STEP_S + 0.5 * a * STEP_S**2, v + a * STEP_S
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 3.0))
+def test_who_is_not_seen_stays_in_the_growing_discs(seed: int, later: float) -> None:
+    """Two sightings of a motion within the limits, then none: place and velocity are held."""
+    rng = np.random.default_rng(seed)
+    z, v = complex(*rng.uniform(-3, 3, 2)), 1.5 * np.exp(1j * rng.uniform(0, 7))
+    tracks = Tracks(LIMITS)
+    for k in range(2):
+        at = z + v * k * STEP_S + 0.1 * rng.uniform() * np.exp(1j * rng.uniform(0, 7))
+        tracks = tracks.after([sighting(at.real, at.imag, 0.1)], at_s=k * STEP_S)
+    (track,) = tracks.people
+    z += v * STEP_S
+    for _ in range(20):
+        h = later / 20
+        a = 2.0 * np.exp(1j * rng.choice([0.0, rng.uniform(0, 7)]))
+        if abs(v + a * h) > 2.5:
+            a = 0j
+        z, v = z + v * h + 0.5 * a * h * h, v + a * h
+    place, velocity = track.place_at(STEP_S + later), track.velocity_at(STEP_S + later)
+    assert abs(z - complex(place.x, place.y)) <= place.radius + 1e-9
+    assert abs(v - complex(velocity.x, velocity.y)) <= velocity.radius + 1e-9
+    assert place.radius <= 0.1 + 2.5 * later + 1e-9
+
+
+def test_a_vague_sighting_is_of_the_one_who_is_known_better() -> None:
+    """One person walked out of sight long ago, the other was there a moment ago."""
+    tracks = Tracks(LIMITS).after([sighting(0, 0)], at_s=0.0)
+    tracks = tracks.after([sighting(3.0, 0.0)], at_s=0.8)
+    tracks = tracks.after([sighting(1.4, 0.0, 2.5)], at_s=1.0)
+    assert [(track.number, track.seen) for track in tracks.people] == [(1, 1), (2, 2)]
+    assert tracks.numbers == (2,)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_numbers_say_which_track_each_sighting_belongs_to(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tracks = Tracks(LIMITS)
+    for k in range(4):
+        count = rng.integers(0, 5)
+        seen = [sighting(*place) for place in rng.uniform(-2.0, 2.0, (count, 2))]
+        tracks = tracks.after(seen, at_s=0.4 * k)
+        guards = {track.number: track.guard for track in tracks.people}
+        assert len(set(tracks.numbers)) == len(tracks.numbers) == count
+        for number, each in zip(tracks.numbers, seen, strict=True):
+            assert guards[number].position is each.place
+            assert guards[number].at_s == 0.4 * k
 
 
 def test_births_and_deaths() -> None:

@@ -12,14 +12,25 @@ from ranging_cases import CAMERAS, EXACT, camera_axes
 
 from workbench.errors import InputError
 from workbench.estimation.camera import Camera
-from workbench.estimation.ranging import BoundingBox, sight_of
-from workbench.perception.unseen import View, edge_discs, shadow_discs, watched_disc
+from workbench.estimation.ranging import BoundingBox, Sight, sight_of
+from workbench.perception.unseen import View, edges, shadow, watched_disc
 from workbench.runtime.onboard.dead_reckoning import Pose
 from workbench.runtime.person_guard import Disc
 
 VIEW = View(near_m=3.0, far_m=20.0, inset_px=30.0, slices=4, assumed=True)
 POSE = Pose((4.9, 5.1), (-2.2, -2.0), (2.0, 2.06))
 Draw = dict[str, float]
+
+
+def edge_discs(sight: Sight, view: View, *, pose: Pose) -> tuple[Disc, ...]:
+    return tuple(disc for edge in edges(sight, view, pose=pose) for disc in edge.discs)
+
+
+def shadow_discs(
+    sight: Sight, box: BoundingBox, view: View, *, from_m: float, pad_m: float, pose: Pose
+) -> tuple[Disc, ...]:
+    found = shadow(sight, box, view, from_m=from_m, pad_m=pad_m, pose=pose)
+    return () if found is None else found.discs
 
 
 def draw(camera: Camera, rng: np.random.Generator, *, at_ends: bool) -> Draw:

@@ -22,8 +22,8 @@ HELP: Final = (
     "into the site file. Exit status 1 if the site's figures do not explain the ranges."
 )
 EXAMPLE: Final = """\
-workbench localise --generate out/drive
 workbench commission out/drive --wheelbase-error 0.02
+workbench localise --generate out/drive
 """
 
 _RESIDUAL: Final = (0.8, 1.25)

@@ -42,7 +42,7 @@ PACKAGES: Final = {
         "matplotlib",
     ),
     "study": ("dask", "optuna", "pyarrow"),
-    "perception": ("onnxruntime",),
+    "perception": ("onnxruntime", "av"),
     "commonroad": ("commonroad-io",),
     "dev": ("pytest", "hypothesis", "ruff", "mypy", "import-linter", "python-flint", "cantools"),
 }

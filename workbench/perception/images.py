@@ -15,42 +15,54 @@ from workbench.estimation.tables import Table
 from workbench.perception.letterbox import Image
 
 ENDINGS: Final = (".png", ".jpg", ".jpeg", ".bmp", ".ppm", ".tif", ".tiff", ".webp")
+# The tag by which cameras say that an image is to be turned before it is shown; 1: as it is.
+_EXIF_ORIENTATION: Final = 0x0112
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One image (H, W, 3; 8-bit RGB) and when it was taken."""
+    """One image (H, W, 3; 8-bit RGB), what to call it in messages, and when it was taken."""
 
-    path: Path
+    name: str
     t_s: float
     image: Image
 
 
 def frames(folder: str | Path, *, rate_hz: float | None = None) -> Iterator[Frame]:
-    """The images of a folder in the order of their times.
+    """The images of a folder in the order of their times, as `timed_images` lists them."""
+    for path, t_s in timed_images(folder, rate_hz=rate_hz):
+        yield Frame(path.name, t_s, read_image(path))
+
+
+def timed_images(
+    folder: str | Path, *, rate_hz: float | None = None
+) -> tuple[tuple[Path, float], ...]:
+    """The image files of a folder with their times (s), in the order of these.
 
     Times come from `frames.csv` (columns file, t) in the folder; without it the images count in the
     order of their names, frame k at k / rate_hz. Raises InputError for a folder that is none, is
-    empty or names files that it lacks, for times that do not increase, and for a video, which must
-    be taken apart first: this package decodes images only.
+    empty or names files that it lacks, and for times that do not increase.
     """
     place = Path(folder)
-    if place.is_file():
-        raise InputError(
-            f"{place}: expected a folder of images, got a file; take a video apart first, e.g. "
-            f"`ffmpeg -i {place.name} frames/%06d.png`, and give the folder and the video's rate"
-        )
     if not place.is_dir():
-        raise InputError(f"{place}: no such folder of images")
-    timed = Table.exists(place, "frames")
-    listed = _stated(place) if timed else _counted(place, rate_hz)
-    for path, t_s in listed:
-        yield Frame(path, t_s, read_image(path))
+        found = "a file" if place.exists() else "nothing"
+        raise InputError(f"{place}: no such folder of images; found {found}")
+    if not Table.exists(place, "frames"):
+        return tuple(_counted(place, rate_hz))
+    if rate_hz is not None:
+        raise InputError(
+            f"{place}: expected times from frames.csv or from a rate, got both; leave the rate out"
+        )
+    return tuple(_stated(place))
 
 
 def read_image(path: Path) -> Image:
-    """One image file as (H, W, 3) of 8-bit RGB. Needs Pillow, of the extra `perception`."""
+    """One image file as (H, W, 3) of 8-bit RGB, pixels where the camera had them.
+
+    Needs Pillow, of the extra `perception`. Raises InputError for what cannot be read, and for an
+    image that is to be turned before it is shown: its columns are not the camera's.
+    """
     try:
         import PIL.Image
     except ImportError:
@@ -60,9 +72,17 @@ def read_image(path: Path) -> Image:
         ) from None
     try:
         with PIL.Image.open(path) as opened:
-            return np.asarray(opened.convert("RGB"), dtype=np.uint8)
-    except (OSError, ValueError) as error:
+            turned = opened.getexif().get(_EXIF_ORIENTATION, 1)
+            image = np.asarray(opened.convert("RGB"), dtype=np.uint8)
+    except (OSError, ValueError, SyntaxError, PIL.Image.DecompressionBombError) as error:
         raise InputError(f"{path}: cannot be read as an image ({error})") from error
+    if turned != 1:
+        raise InputError(
+            f"{path}: its EXIF orientation {turned} says that it is to be turned before it is "
+            "shown; turn its pixels for good, or remove the tag if the camera file is of the image "
+            "as it is"
+        )
+    return image
 
 
 def _counted(folder: Path, rate_hz: float | None) -> list[tuple[Path, float]]:
@@ -71,8 +91,8 @@ def _counted(folder: Path, rate_hz: float | None) -> list[tuple[Path, float]]:
         raise InputError(f"{folder}: expected images ({', '.join(ENDINGS)}), found none")
     if rate_hz is None or not 0.0 < rate_hz < math.inf:
         raise InputError(
-            f"{folder}: expected a frames.csv with the columns file and t, or rate_hz above 0; got "
-            f"rate_hz={rate_hz!r}"
+            f"{folder}: expected a frames.csv with the columns file and t, or a rate above 0 "
+            f"(images per s), got the rate {rate_hz!r}"
         )
     return [(path, k / rate_hz) for k, path in enumerate(paths)]
 

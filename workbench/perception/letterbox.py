@@ -66,6 +66,8 @@ def letterboxed(image: Image, size: tuple[int, int]) -> tuple[npt.NDArray[np.flo
 
 
 def _resized(image: Image, high: int, wide: int) -> npt.NDArray[np.float32]:
+    if (high, wide) == image.shape[:2]:
+        return image.astype(np.float32)
     first, second, part = _neighbours(image.shape[0], high)
     part = part[:, None, None]
     rows = image[first] * (1.0 - part) + image[second] * part

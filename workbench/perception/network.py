@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -119,6 +120,14 @@ def _size(session: Any, given: tuple[int, int] | None) -> tuple[int, int]:
         raise InputError(f"size: the network's input is {stated}, got {given!r}; leave it out")
     if len(stated) == 2:
         return stated[0], stated[1]
+    given = given or _trained_size(session)
     if given is None or min(given) < 1:
         raise InputError("the network leaves its input's size open; give size=(height, width)")
     return given
+
+
+def _trained_size(session: Any) -> tuple[int, int] | None:
+    """The entry `imgsz` of the metadata, [height, width], of a network that takes any size."""
+    text = session.get_modelmeta().custom_metadata_map.get("imgsz", "")
+    found = re.fullmatch(r"\[(\d+), *(\d+)\]", text)
+    return (int(found[1]), int(found[2])) if found else None

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, final
 
+from workbench.errors import InputError
 from workbench.estimation.ranging import (
     Edge,
     RangingAnswer,
@@ -21,7 +22,7 @@ from workbench.perception.detections import Detection, detect
 from workbench.perception.images import Frame
 from workbench.perception.network import Network
 from workbench.perception.tracks import Sighting, TrackLimits, Tracks
-from workbench.perception.unseen import View, edge_discs, shadow_discs, watched_disc
+from workbench.perception.unseen import Unseen, View, edges, shadow, watched_disc
 from workbench.runtime.observation import ObservedPerson
 from workbench.runtime.onboard.dead_reckoning import Pose
 from workbench.runtime.person_guard import Disc, Guard, MotionLimits, guard_disc
@@ -35,25 +36,50 @@ _OUTWARD: Final = 1.0 + 2.0**-50
 @final
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """One frame on the ground. sightings: whoever has a bounded position; hidden: discs in which
-    somebody unseen may be; unplaced: why somebody who is seen has no position. While that is not
-    empty the list of people is not complete and must not be sent."""
+    """One frame on the ground.
 
+    answers: where each detection is that is somebody, None for things; sightings: whoever has a
+    bounded position, and whose detections they are; edges: of the view; shadows: what each
+    detection hides, None: nothing that is looked at.
+    """
+
+    seen: tuple[Detection, ...]
+    answers: tuple[RangingAnswer | None, ...]
     sightings: tuple[Sighting, ...]
-    hidden: tuple[Disc, ...]
-    unplaced: tuple[str, ...]
+    whose: tuple[int, ...]
+    edges: tuple[Unseen, Unseen]
+    shadows: tuple[Unseen | None, ...]
+
+    @property
+    def hidden(self) -> tuple[Disc, ...]:
+        """Discs in which somebody unseen may be: edges of the view first, then shadows."""
+        regions = (*self.edges, *(each for each in self.shadows if each is not None))
+        return tuple(disc for region in regions for disc in region.discs)
+
+    @property
+    def unplaced(self) -> tuple[str, ...]:
+        """Why somebody who is seen has no position. While that is not empty the list of people is
+        not complete and must not be sent."""
+        return tuple(
+            f"{detection.label} at {_pixels(detection)}: {found.reason}"
+            for detection, found in zip(self.seen, self.answers, strict=True)
+            if found is not None and found.status is RangingStatus.CONTRADICTION
+        )
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Around:
-    """What one frame says: tracks, everybody for the monitor, and what that does not cover."""
+    """What one frame says: boxes on the ground, tracks, everybody for the monitor, and what that
+    does not cover."""
 
+    name: str
     t_s: float
+    pose: Pose
+    placed: Placed
     tracks: Tracks
     people: tuple[ObservedPerson, ...]
     watched: Watched
-    unplaced: tuple[str, ...]
     limits: tuple[str, ...]
 
 
@@ -80,10 +106,12 @@ def look(
     """Everybody around the vehicle, frame by frame.
 
     pose_at: the vehicle's pose at the time of a frame, as intervals that hold it. The answers to a
-    frame use that frame and earlier ones.
+    frame use that frame and earlier ones. Raises InputError for a frame of another size than the
+    camera's, whose pixels mean other directions.
     """
     tracks = Tracks(looking.limits)
     for frame in frames:
+        _require_size(frame, sight)
         pose = pose_at(frame.t_s)
         seen = detect(
             network,
@@ -96,11 +124,13 @@ def look(
         hidden = placed.hidden if looking.view.assumed else ()
         tracks = tracks.after(placed.sightings, at_s=frame.t_s)
         yield Around(
+            frame.name,
             frame.t_s,
+            pose,
+            placed,
             tracks,
             observed_people(sight, tracks, hidden, stamp_s=frame.t_s),
             watched_disc(sight.camera, looking.view, pose=pose),
-            placed.unplaced,
             looking.view.limits(sight.camera),
         )
 
@@ -111,10 +141,11 @@ def place(sight: Sight, seen: Sequence[Detection], view: View, *, pose: Pose) ->
     Somebody whose box shows no farthest position is somewhere in what their box hides from their
     nearest position on, up to half a width beyond a hidden edge: their shadow stands for them.
     """
-    sightings, unplaced = [], []
-    hidden = list(edge_discs(sight, view, pose=pose))
-    for detection in seen:
-        box, kind = detection.box, detection.kind
+    sightings, whose = [], []
+    answers: list[RangingAnswer | None] = []
+    shadows = []
+    for number, detection in enumerate(seen):
+        box, kind, found = detection.box, detection.kind, None
         if kind is None:
             from_m, pad_m = _nearest_of_thing(sight, detection, view), 0.0
         else:
@@ -123,13 +154,16 @@ def place(sight: Sight, seen: Sequence[Detection], view: View, *, pose: Pose) ->
                 shape = sight.camera.on_wheels
             found = ranged(sight, box, shape=shape)
             from_m, pad_m = _nearest_of(found), 0.5 * shape.width_m[1] + shape.middle_m
-            if found.status is RangingStatus.CONTRADICTION:
-                unplaced.append(f"{detection.label} at {_pixels(detection)}: {found.reason}")
-            elif found.ahead_m is not None and found.beside_m is not None:
+            if found.ahead_m is not None and found.beside_m is not None:
                 disc = disc_in_global(sight.camera, found.ahead_m, found.beside_m, pose=pose)
                 sightings.append(Sighting(kind, disc))
-        hidden += shadow_discs(sight, box, view, from_m=from_m, pad_m=pad_m, pose=pose)
-    return Placed(tuple(sightings), tuple(hidden), tuple(unplaced))
+                whose.append(number)
+        answers.append(found)
+        shadows.append(shadow(sight, box, view, from_m=from_m, pad_m=pad_m, pose=pose))
+    borders = edges(sight, view, pose=pose)
+    return Placed(
+        tuple(seen), tuple(answers), tuple(sightings), tuple(whose), borders, tuple(shadows)
+    )
 
 
 def observed_people(
@@ -198,6 +232,16 @@ def _nearest_of_thing(sight: Sight, detection: Detection, view: View) -> float:
     )
     ground = on_ground(sight, sight.row(detection.box.bottom_px, error_px), columns)
     return view.near_m if ground is None else ground[0]
+
+
+def _require_size(frame: Frame, sight: Sight) -> None:
+    size_px = (frame.image.shape[1], frame.image.shape[0])
+    if size_px != sight.camera.size_px:
+        wide, high = sight.camera.size_px
+        raise InputError(
+            f"{frame.name}: expected an image of {wide} x {high} pixels, as the camera file says, "
+            f"got {size_px[0]} x {size_px[1]}; its directions would be wrong"
+        )
 
 
 def _pixels(detection: Detection) -> str:

@@ -58,33 +58,47 @@ class View:
         )
 
 
-def edge_discs(sight: Sight, view: View, *, pose: Pose) -> tuple[Disc, ...]:
-    """Discs that cover the left and the right edge of the view from near_m to far_m.
+@final
+@dataclass(frozen=True, slots=True)
+class Unseen:
+    """Where somebody may be who is not seen: {(F, L): F in ahead_m, L / F in sides, and L up to
+    pad_m beyond} in the level frame below the camera, and discs in the global frame that cover it.
+    """
+
+    ahead_m: Interval
+    sides: Interval
+    pad_m: float
+    discs: tuple[Disc, ...]
+
+
+def edges(sight: Sight, view: View, *, pose: Pose) -> tuple[Unseen, Unseen]:
+    """The left and the right edge of the view from near_m to far_m.
 
     Whoever comes into the view between the two crosses an edge on the way, at a time t >= 0 at a
     point of some disc. From then on they are in that disc, grown at their speed limit: so one
     person assumed in each disc, with any velocity, stands for everybody beyond the edge.
     """
     width, height = sight.camera.size_px
-    rows = (0.0, float(height))
-    found: list[Disc] = []
-    for u_px in (view.inset_px, width - view.inset_px):
+    rows, whole = (0.0, float(height)), (view.near_m, view.far_m)
+
+    def edge(u_px: float) -> Unseen:
         sides = tangents(sight, columns_px=(u_px, u_px), rows_px=rows, error_px=0.0)
-        found += _covering(sight, sides, view, from_m=view.near_m, pad_m=0.0, pose=pose)
-    return tuple(found)
+        return _covered(sight, sides, view, ahead_m=whole, pad_m=0.0, pose=pose)
+
+    return edge(view.inset_px), edge(width - view.inset_px)
 
 
-def shadow_discs(
+def shadow(
     sight: Sight, box: BoundingBox, view: View, *, from_m: float, pad_m: float, pose: Pose
-) -> tuple[Disc, ...]:
-    """Discs that cover everything behind a box, from from_m ahead to far_m.
+) -> Unseen | None:
+    """Everything behind a box, from from_m ahead to far_m; None where from_m is beyond that.
 
     The shadow's position (F, L) has L / F between the columns of the box, edges and pose being as
-    unsure as the camera file says, and L up to pad_m beyond. Nothing where from_m is beyond far_m.
+    unsure as the camera file says, and L up to pad_m beyond.
     """
     begin = max(from_m, view.near_m)
     if begin >= view.far_m:
-        return ()
+        return None
     boxes, residual = sight.camera.boxes, sight.camera.lens.residual_px
     sides = tangents(
         sight,
@@ -92,7 +106,7 @@ def shadow_discs(
         rows_px=(box.top_px, box.bottom_px),
         error_px=max(boxes.edge_px, boxes.contact_px) + 2.0 * residual,
     )
-    return _covering(sight, sides, view, from_m=begin, pad_m=pad_m, pose=pose)
+    return _covered(sight, sides, view, ahead_m=(begin, view.far_m), pad_m=pad_m, pose=pose)
 
 
 def tangents(sight: Sight, *, columns_px: Interval, rows_px: Interval, error_px: float) -> Interval:
@@ -121,20 +135,21 @@ def watched_disc(camera: Camera, view: View, *, pose: Pose) -> Watched:
     return Watched(middle.x, middle.y, max(left_m, 0.0))
 
 
-def _covering(
-    sight: Sight, sides: Interval, view: View, *, from_m: float, pad_m: float, pose: Pose
-) -> tuple[Disc, ...]:
-    """Discs over {(F, L): from_m <= F <= far_m, L / F in sides}, in slices of one ratio."""
+def _covered(
+    sight: Sight, sides: Interval, view: View, *, ahead_m: Interval, pad_m: float, pose: Pose
+) -> Unseen:
+    """The region with its discs, which are of slices of one ratio."""
     if not -math.inf < sides[0] <= sides[1] < math.inf:
         raise InputError(
             "expected lines of sight ahead of the camera; its pitch and roll leave some upright or "
             "behind it, narrow them"
         )
-    ratio = view.far_m / from_m
+    from_m, until_m = ahead_m
+    ratio = until_m / from_m
     inner = [from_m * ratio ** (k / view.slices) for k in range(1, view.slices)]
-    cuts: Sequence[float] = [from_m, *(min(max(c, from_m), view.far_m) for c in inner), view.far_m]
+    cuts: Sequence[float] = [from_m, *(min(max(c, from_m), until_m) for c in inner), until_m]
     found = []
     for ahead in itertools.pairwise(cuts):
         beside = plus(product(ahead, sides), (-pad_m, pad_m))
         found.append(disc_in_global(sight.camera, ahead, beside, pose=pose))
-    return tuple(found)
+    return Unseen(ahead_m, sides, pad_m, tuple(found))
