@@ -61,6 +61,15 @@ def test_within_a_grain_two_instants_are_one() -> None:
         assert not agree(at(0.0, t=5.0, limits=quick), beyond)
 
 
+def test_a_whole_grain_before_is_still_the_same_instant() -> None:
+    """Only beyond it may they have walked from there to here."""
+    quick = MotionLimits(2.5, 1.5)
+    here = Guard(0.0, Disc(0.0, 0.0, 0.0), Disc(0.0, 0.0, 2.5), quick)
+    for late_s, agrees in ((-GRAIN_S, False), (math.nextafter(-GRAIN_S, -1.0), True)):
+        there = Guard(late_s, Disc(SLACK + 4.0 * GRAIN_S, 0.0, 0.0), here.velocity, quick)
+        assert agree(here, there) is agrees
+
+
 def test_what_is_seen_before_is_never_shown_to_be_inside() -> None:
     quick = MotionLimits(2.5, 1.5)
     wide = Guard(5.0, Disc(0.0, 0.0, 9.0), Disc(0.0, 0.0, 2.5), quick)

@@ -52,12 +52,13 @@ def state_violation(plan: Plan, measured: Box, stamp_s: float) -> Violation | No
     After the tube's end its last row holds: a standing car stays.
     """
     first, last = _rows_at(plan.tube.times_s, stamp_s - plan.scene.stamp_s)
-    apart = ""
-    for k in range(first, last + 1):
-        apart = _apart(plan.names, plan.tube.lower[k], plan.tube.upper[k], measured)
-        if not apart:
-            return None
-    return Violation(Hypothesis.STATE, f"{apart} is measured outside the proved tube", True)
+    apart = [
+        _apart(plan.names, plan.tube.lower[k], plan.tube.upper[k], measured)
+        for k in range(first, last + 1)
+    ]
+    if not all(apart):
+        return None
+    return Violation(Hypothesis.STATE, f"{apart[-1]} is measured outside the proved tube", True)
 
 
 def _rows_at(times_s: Sequence[float], elapsed_s: float) -> tuple[int, int]:
