@@ -1,4 +1,4 @@
-"""No value is moved further by our own frames than `worst_rounding` says, nearly by as much."""
+"""Our own frames move no value further than `worst_rounding` says, and keep their numbers."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from fractions import Fraction
 
 import pytest
 
-from workbench.runtime.protocols import load_protocol
+from workbench.runtime.protocols import PersonKind, load_protocol
 from workbench.runtime.protocols.own_frames import worst_rounding
+from workbench.runtime.protocols.tables import LARGEST_ID
 
 BOUNDS = worst_rounding()
 PROTOCOL = load_protocol("workbench")
@@ -32,3 +33,13 @@ def test_a_value_half_way_between_two_counts_is_moved_within_the_bound(
     )
     assert moved <= Fraction(BOUNDS[key])
     assert Fraction(BOUNDS[key]) < half * (1 + Fraction(1, 1000))
+
+
+def test_kinds_of_people_are_the_choices_of_the_frame() -> None:
+    choices = PROTOCOL.by_name["PERSON_TRACK"].signal("KIND").choices
+    assert {kind.value: kind.name for kind in PersonKind} == choices
+    assert len(choices) == 3
+
+
+def test_the_largest_standard_identifier_has_eleven_ones() -> None:
+    assert LARGEST_ID.bit_length() == LARGEST_ID.bit_count() == 11

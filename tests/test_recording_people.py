@@ -5,10 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from workbench.estimation.people_data import PersonTrack
+from workbench.estimation.people_guards import with_body
 from workbench.runtime import MotionLimits, ObservedPerson
 from workbench.runtime.person_guard import guard_disc
 from workbench.runtime.person_tubes import RadiusBetween, timed_discs
@@ -232,6 +235,19 @@ def test_the_guard_holds_position_and_velocity_of_whoever_keeps_to_the_limits(
             )
             radius = piece.radius_m + piece.growth_mps * s + piece.growth2_mps2 * s * s / 2.0
             assert away + MODEL.body_radius_m <= radius + 1e-9
+
+
+@given(st.lists(st.floats(0.05, 0.4), min_size=1, max_size=6), st.sampled_from(["ped", "cyclist"]))
+def test_the_guards_of_an_estimator_are_those_of_the_samples(gaps: list[float], kind: str) -> None:
+    """Two ways to the same: by the past of a track, and by kind from the models' figures."""
+    times = np.cumsum([0.0, *gaps])
+    samples = tuple(PersonSample(float(t), float(t), float(t) ** 2) for t in times)
+    models = PeopleModel.assumed()
+    expected = guard_at(Track("p", kind, samples), samples[-1].t_s, models.of(kind), LIMITS)
+    law = models.guards(LIMITS).of(kind)
+    history = PersonTrack("", "p", kind, times, np.stack([times, times**2], axis=1))
+    found = with_body(law.guard(history, law.limits), models.of(kind).body_radius_m)
+    assert dataclasses.replace(found, at_s=0.0) == expected
 
 
 def test_without_the_lag_of_the_fit_a_guard_would_be_wrong() -> None:

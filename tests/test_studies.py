@@ -7,11 +7,15 @@ from pathlib import Path
 
 import pytest
 
-STUDIES = sorted(
-    path.stem
-    for path in (Path(__file__).parent.parent / "studies").glob("*.py")
-    if path.stem != "__init__"
-)
+LONG = ("changed_goals",)
+"""These take minutes; test_changed_goals.py has a small version."""
+STUDIES = [
+    pytest.param(name, marks=pytest.mark.campaign) if name in LONG else name
+    for name in sorted(
+        path.stem for path in (Path(__file__).parent.parent / "studies").glob("*.py")
+    )
+    if name != "__init__"
+]
 
 
 @pytest.mark.parametrize("name", STUDIES)

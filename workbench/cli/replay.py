@@ -21,6 +21,7 @@ from workbench.cli.common import (
     output_folder,
 )
 from workbench.cli.output import Progress, emit
+from workbench.cli.replay_people import add_people_options, chosen_people, require_people_options
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from workbench.runtime import Bundle, Timing
     from workbench.runtime.manifest import Manifest
     from workbench.runtime.path import PathTable
+    from workbench.simulation.people_sources import PeopleSource
     from workbench.simulation.recording import Recording
     from workbench.simulation.replay import ReplayResult, ReplaySettings
 
@@ -47,6 +49,7 @@ EXAMPLE = """\
 workbench replay recordings/kitti --recording kitti_0000 --out out/replay
 workbench replay recordings/kitti --recording kitti_0013 --bundle out/bundle
 workbench replay drive/monitor.mcap --bundle out/bundle
+workbench replay recordings/kitti --recording kitti_0016 --people intents --guard fitted
 workbench replay elsewhere/candump.log --bundle out/bundle --run drive/run.json
 workbench replay drive.bag --topics topics.toml --out out/replay
 """
@@ -78,6 +81,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="the run.json of a log that it does not lie beside",
     )
+    add_people_options(parser)
     add_vehicle_option(parser)
     add_grid_options(parser)
     # Not given: told apart from given, because a bundle brings its own.
@@ -94,6 +98,7 @@ def run(args: argparse.Namespace) -> int:
 
         require_log_options(args, default_out=Path(_DEFAULT_OUT))
         return replay_log(args)
+    require_people_options(args)
     _complete_grid(args)
     return _run_recording(args, recording_of(args))
 
@@ -108,8 +113,9 @@ def _run_recording(args: argparse.Namespace, recording: Recording) -> int:
     given = None if args.bundle is None else _given_bundle(args.bundle, vehicle)
     with output_folder(args.out) as out:
         bundle = given or _built_bundle(args, vehicle)
-        result = _replayed(recording, path, bundle, settings)
-        table = _settings_table(bundle, settings, replay_timing(recording))
+        people = chosen_people(args, recording, settings, bundle)
+        result = _replayed(recording, (path, people), bundle, settings)
+        table = _settings_table(bundle, settings, replay_timing(recording), people)
         _write(args, out, result, table, bundle)
     emit(args, f"{result.summary_line()}\nlog {out / 'replay.jsonl'}, report {out / 'report.html'}",
          _data(result, out))  # fmt: skip
@@ -138,13 +144,17 @@ def _settings(vehicle: Vehicle) -> ReplaySettings:
 
 
 def _replayed(
-    recording: Recording, path: PathTable, bundle: Bundle, settings: ReplaySettings
+    recording: Recording,
+    scene: tuple[PathTable, PeopleSource | None],
+    bundle: Bundle,
+    settings: ReplaySettings,
 ) -> ReplayResult:
+    """scene: the path, and where people come from."""
     from workbench.runtime import Deciding, Monitor
     from workbench.simulation.clock import SetClock
     from workbench.simulation.replay import replay, replay_timing
 
-    clock = SetClock()
+    (path, people), clock = scene, SetClock()
     monitor = Monitor(
         bundle, path, release_steps=RELEASE_STEPS, clearance_required_m=CLEARANCE_REQUIRED_M,
         timing=replay_timing(recording), deciding=Deciding.LOOK_AHEAD, clock=clock,
@@ -154,7 +164,9 @@ def _replayed(
         def advance(_done: int, _total: int) -> None:
             bar.advance()
 
-        return replay(recording, monitor, clock=clock, settings=settings, progress=advance)
+        return replay(
+            recording, monitor, clock=clock, settings=settings, people=people, progress=advance
+        )
 
 
 def _write(
@@ -211,7 +223,9 @@ def _given_bundle(folder: Path, vehicle: Vehicle) -> Bundle:
     return bundle
 
 
-def _settings_table(bundle: Bundle, settings: ReplaySettings, timing: Timing) -> Table:
+def _settings_table(
+    bundle: Bundle, settings: ReplaySettings, timing: Timing, people: PeopleSource | None
+) -> Table:
     from workbench.report.tables import Table
 
     manifest = bundle.manifest
@@ -234,14 +248,25 @@ def _settings_table(bundle: Bundle, settings: ReplaySettings, timing: Timing) ->
         ("speed limit", f"samples above {settings.speed_limit_mps:g} m/s are not judged"),
         ("state errors", ", ".join(f"{name} {getattr(errors, name):g}" for name in errors.__slots__
                                    if isinstance(getattr(errors, name), float))),
-        ("people", f"constant velocity, growing radius ({settings.people.on_foot.provenance})"),
-        ("guard", f"{settings.limits.speed_mps:g} m/s on foot, "
-         f"{settings.people.on_wheels.unseen_speed_mps:g} m/s on wheels, "
-         f"{settings.limits.acceleration_mps2:g} m/s^2; beyond what is watched "
+        ("people", _told(people) or
+         f"constant velocity, growing radius ({settings.people.on_foot.provenance})"),
+        ("guard", f"{people.guard_note if people else _limits(settings)}; beyond what is watched "
          f"{manifest.guard_speed_max_mps:g} m/s"),
         ("watched", f"everybody within {settings.watched_m:g} m is taken to be recorded"),
     ]  # fmt: skip
     return Table("What the replay was run with", ("setting", "value"), tuple(rows))
+
+
+def _told(people: PeopleSource | None) -> str:
+    return "" if people is None else people.intent_note
+
+
+def _limits(settings: ReplaySettings) -> str:
+    return (
+        f"{settings.limits.speed_mps:g} m/s on foot, "
+        f"{settings.people.on_wheels.unseen_speed_mps:g} m/s on wheels, "
+        f"{settings.limits.acceleration_mps2:g} m/s^2"
+    )
 
 
 def _stopped_mps(manifest: Manifest, timing: Timing) -> float:

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from workbench.cli.replay_people import given_people_options
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,7 +32,9 @@ def require_log_options(args: argparse.Namespace, *, default_out: Path) -> None:
         "--step": args.step,
         "--out": None if args.out == default_out else args.out,
     }
+    given["--people"] = None if args.people == "straight" else args.people
     wrong = [option for option, value in given.items() if value is not None]
+    wrong += given_people_options(args)
     if wrong:
         raise InputError(
             f"{', '.join(wrong)}: expected beside a folder of recordings, got the file "

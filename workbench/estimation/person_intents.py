@@ -15,11 +15,18 @@ from workbench.estimation.field_paths import Others, TowardGoal
 from workbench.estimation.motion_filter import Estimate
 from workbench.estimation.motion_parameters import MotionParameters
 from workbench.estimation.prediction import PreferredVelocity
-from workbench.runtime.person_tubes import MOST_PIECES, PersonTube, RadiusBetween, timed_discs
+from workbench.runtime.person_tubes import (
+    MOST_PIECES,
+    MOST_TUBES,
+    PersonTube,
+    RadiusBetween,
+    timed_discs,
+)
 
 Values = NDArray[np.float64]
 KNOT_S = 0.5
 """Between two times of a prediction; errors were fitted at this spacing."""
+_LEAST_THRESHOLD = 1.0 / MOST_TUBES
 
 
 @final
@@ -82,7 +89,8 @@ class EveryIntent:
     Where none reaches the threshold, the person is predicted without a goal. Holds, at each time
     alone, level of those people who want what is forwarded, as far as they are like those of the
     fit (SAMPLED); the rest, left_out, adds to what is missed (union bound). The decision takes at
-    most 4 tubes of a person: a threshold above 1/4 never gives more than 3.
+    most 4 tubes of a person, the guard's among them: the threshold is above 1/4, which at most 3
+    intents reach.
     """
 
     parameters: MotionParameters
@@ -91,8 +99,11 @@ class EveryIntent:
     until_s: float
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.threshold <= 1.0:
-            raise InputError(f"expected a threshold above 0 and up to 1, got {self.threshold}")
+        if not _LEAST_THRESHOLD < self.threshold <= 1.0:
+            raise InputError(
+                f"expected a threshold above {_LEAST_THRESHOLD:g} and up to 1, got "
+                f"{self.threshold}: the decision takes {MOST_TUBES - 1} intents of a person"
+            )
         _times(self.until_s)
 
     def forward(

@@ -17,6 +17,8 @@ from workbench.simulation.frames import Disc, Frame, PersonFrame, Point, Rectang
 _VERDICTS = tuple(Verdict)
 # Of each guard: now, and on the way to a stop.
 _GUARDS = 3
+# Of each person's goals: the likeliest.
+_WANTED = 3
 T = TypeVar("T", bound=Hashable)
 
 
@@ -93,6 +95,7 @@ _MARKUP = """<div class="scene" role="group" aria-label="Scene player">
 <div class="reason"><dt>reason</dt><dd class="why">–</dd></div>
 <div class="reason"><dt>each policy</dt><dd class="policies">–</dd></div>
 <div class="reason"><dt>nested sets, the largest first</dt><dd class="levels">–</dd></div>
+<div class="reason"><dt>what people want</dt><dd class="wanted">–</dd></div>
 <div class="reason"><dt>violations and alert</dt><dd class="named">–</dd></div></dl>
 <p class="key">{caption} Outline with arrow: the car. Dashed line: the path. Filled boxes:
 where the car can be in TRACK, up to the horizon or the end of the proof, coloured by what LookAhead
@@ -161,6 +164,10 @@ def _seen_row(frame: Frame, detail: Detail, texts: _Pool[str]) -> dict[str, obje
         "n": len(frame.people),
         "p": [[texts.index(person.name), *_seen(person, detail.discs)] for person in near],
         "g": [_discs(person.guarded, _GUARDS) for person in near],
+        "i": [
+            [[texts.index(goal), round(100.0 * chance)] for goal, chance in person.wanted[:_WANTED]]
+            for person in near
+        ],
     }
 
 

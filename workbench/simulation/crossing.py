@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import final
+from typing import Protocol, final
 
 from workbench.errors import InputError
 from workbench.models.spline_path import SplinePath
@@ -20,6 +20,14 @@ PERIOD_S = 0.1
 _WALK_OFF_MPS2 = 1.0
 # A car that takes longer meets nobody, the scene is over before.
 _LONGEST_WAY_S = 60.0
+
+
+class Walking(Protocol):
+    """Somebody of a scene."""
+
+    def track(self, duration_s: float) -> Track:
+        """Where they are, one sample per decision; in view for a while before time 0."""
+        ...
 
 
 @final
@@ -90,7 +98,7 @@ class Crossing:
 
     vehicle: Vehicle
     waypoints: tuple[Point, ...]
-    walkers: tuple[Walker, ...]
+    walkers: tuple[Walking, ...]
     localisation: Localisation
     models: PeopleModel
     watched_m: float

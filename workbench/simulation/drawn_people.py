@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from workbench.estimation.people_estimator import Wanted
 from workbench.runtime import ObservedPerson
 from workbench.runtime.person_guard import guard_disc
 from workbench.runtime.person_tubes import DiscPiece, PersonTube
@@ -24,8 +25,13 @@ def discs(tube: PersonTube, *, horizon_s: float, step_s: float) -> tuple[Disc, .
     return tuple(_disc(tube, tau) for tau in times if begins_s <= tau <= tube.until_s)
 
 
-def as_frame(person: ObservedPerson, *, horizon_s: float, step_s: float) -> PersonFrame:
-    """The person as drawn in a report: all that was predicted, and the guard while a car stops."""
+def as_frame(
+    person: ObservedPerson, *, horizon_s: float, step_s: float, wanted: Sequence[Wanted] = ()
+) -> PersonFrame:
+    """The person as drawn in a report: all that was predicted, and the guard while a car stops.
+
+    wanted: what was estimated of their intents, the likeliest of which comes first in the frame.
+    """
     guard = guard_disc(person.guard, from_s=min(person.guard.at_s, 0.0), until_s=_STOPPING_S)
     guarded = discs(guard, horizon_s=_STOPPING_S, step_s=step_s)
     predicted = tuple(
@@ -34,7 +40,9 @@ def as_frame(person: ObservedPerson, *, horizon_s: float, step_s: float) -> Pers
     # A prediction may begin later; the guard holds now.
     now = [disc for tube in person.intent for disc in discs(tube, horizon_s=0.0, step_s=step_s)]
     x_m, y_m, radius_m = (*now, *guarded)[0]
-    return PersonFrame(person.name, x_m, y_m, radius_m, predicted, guarded)
+    ranked = sorted(wanted, key=lambda each: -each.probability)
+    goals = tuple((each.goal, each.probability) for each in ranked)
+    return PersonFrame(person.name, x_m, y_m, radius_m, predicted, guarded, goals)
 
 
 def _disc(tube: PersonTube, tau: float) -> Disc:

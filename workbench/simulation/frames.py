@@ -38,7 +38,8 @@ class PersonFrame:
 
     name: label; x_m, y_m: position, m; radius_m: radius of the disc now, m;
     predicted, guarded: discs (x, y, radius) in m, in time order: from now to the horizon, and as
-    far as the car needs to stop.
+    far as the car needs to stop. wanted: goals by name and their probabilities, () where nobody
+    estimated them.
     """
 
     name: str
@@ -47,6 +48,7 @@ class PersonFrame:
     radius_m: float
     predicted: tuple[Disc, ...] = ()
     guarded: tuple[Disc, ...] = ()
+    wanted: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         _require_drawable(f"person {self.name!r}", (self.x_m, self.y_m, self.radius_m))
@@ -85,7 +87,8 @@ class Frame:
     the tube in time order; people: those in view; path: points (x, y) of the followed path, m.
     stop_occupancy: as occupancy, of TRACK and then BRAKE to standstill. sent: what the sender sends
     at t_s, "" where nothing was. policies, levels: what each policy and each nested set said;
-    violations: hypotheses that failed, in words; alert: the warning to a person, None without one.
+    violations: hypotheses that failed, and limits that people broke, in words; alert: the warning
+    to a person, None without one.
     Raises InputError where a number cannot be placed in the plane; occupancy and predictions may
     hold such numbers, as failed proofs do, and are then left out of pictures.
     """

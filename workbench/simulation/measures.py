@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol, final
 
 from workbench.claims import Verdict
+from workbench.estimation.people_estimator import PeopleNow
 from workbench.runtime import Action, Decision, Observation
 from workbench.runtime.policies import Alert, Outcome, Turn
 from workbench.simulation.drawn_people import as_frame
@@ -20,6 +21,8 @@ from workbench.simulation.runlog import Entry
 
 Progress = Callable[[int, int], None]
 """Called with (done, total)."""
+LIMITS = "LIMITS"
+"""By this name a frame says that a person broke the limits of their guard."""
 _SAME_SAMPLE_S = 0.06
 
 
@@ -129,7 +132,8 @@ class Drawing:
 @dataclass(frozen=True, slots=True)
 class Moment:
     """What was true when a decision was asked for; turns: of the sender since the decision before,
-    the last one at t_s; `people` with all their samples."""
+    the last one at t_s; `people` with all their samples; told: what the monitor was told of them.
+    """
 
     t_s: float
     turns: Sequence[Turn]
@@ -137,6 +141,7 @@ class Moment:
     speed_mps: float
     people: Sequence[Track]
     models: PeopleModel
+    told: PeopleNow
 
     def entry(self, observation: Observation, decision: Decision, drawing: Drawing) -> Entry:
         """The decision on record."""
@@ -157,7 +162,12 @@ class Moment:
             clearance_m=decision.clearance_m,
             occupancy=tuple((x, y, h, a, b) for x, y, h, a, b in decision.occupancy),
             people=tuple(
-                as_frame(person, horizon_s=drawing.horizon_s, step_s=drawing.step_s)
+                as_frame(
+                    person,
+                    horizon_s=drawing.horizon_s,
+                    step_s=drawing.step_s,
+                    wanted=self.told.wanted.get(person.name, ()),
+                )
                 for person in observation.people
             ),
             path=drawing.route,
@@ -167,7 +177,10 @@ class Moment:
             levels=tuple(
                 LevelVerdicts(tube, verdicts) for tube, verdicts in decision.level_verdicts.items()
             ),
-            violations=tuple(dict.fromkeys(map(str, (*turned, *decision.violations)))),
+            violations=(
+                *dict.fromkeys(map(str, (*turned, *decision.violations))),
+                *(f"{LIMITS}: {broken}" for broken in self.told.violations),
+            ),
             alert=None if decision.alert is None else _warning(decision.alert),
         )
         closest = nearest_person(self.people, body, self.t_s, self.models)

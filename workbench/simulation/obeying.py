@@ -6,19 +6,19 @@ from __future__ import annotations
 import itertools
 import math
 import random
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
+from workbench.estimation.people_estimator import PeopleNow
 from workbench.models.vehicle import Vehicle
 from workbench.runtime import Action, Observation, Timing, Watched
 from workbench.simulation.clock import SetClock
 from workbench.simulation.crossing import PERIOD_S, Crossing
 from workbench.simulation.driving import CarState, Driver
 from workbench.simulation.measures import Drawing, Judge, Measures, Moment, Progress
-from workbench.simulation.people import Body, seen_people
+from workbench.simulation.people import Body
+from workbench.simulation.people_sources import PeopleSource, StraightPeople
 from workbench.simulation.recorded_path import corners
-from workbench.simulation.recording import Track
 from workbench.simulation.runlog import Entry
 
 TURNS = 3
@@ -70,18 +70,25 @@ class CrossingResult:
 
 
 def simulate(
-    crossing: Crossing, monitor: Judge, *, clock: SetClock, progress: Progress | None = None
+    crossing: Crossing,
+    monitor: Judge,
+    *,
+    clock: SetClock,
+    people: PeopleSource | None = None,
+    progress: Progress | None = None,
 ) -> CrossingResult:
     """Drive the scene: 30 turns of the sender a second, at every third one an observation.
 
     The plant is the vehicle's own closed loop, RK4 at up to 0.01 s: TRACK, or the vehicle's BRAKE.
     A check ends 5 to 30 ms after its stamp, before the next turn, and the car drives on meanwhile.
     The monitor must have been built for `crossing.path_table()`, `crossing.vehicle` and `TIMING`,
-    and read `clock`. `progress(done, total)` is called after each decision.
+    and read `clock`. people: what it is told of them, None for straight on from where they are, as
+    the crossing's models and limits say. `progress(done, total)` is called after each decision.
     """
     chance = None if crossing.seed is None else random.Random(crossing.seed)
     driver = Driver(crossing.vehicle, crossing.path, deceleration_mps2=_deceleration(crossing))
-    people = tuple(walker.track(crossing.duration_s) for walker in crossing.walkers)
+    walks = tuple(walker.track(crossing.duration_s) for walker in crossing.walkers)
+    source = people or StraightPeople(walks, crossing.models, crossing.limits)
     drawing = Drawing(3.0, 0.5, corners(crossing.path_table()))
     state = driver.start(crossing.start_speed_mps)
     count = round(crossing.duration_s / PERIOD_S)
@@ -90,10 +97,12 @@ def simulate(
         t_s = clock.now_s = k * PERIOD_S
         turns.append(monitor.turn(t_s))
         sent = turns[-1].action
-        observation = _observation(crossing, state, (t_s, people), chance)
+        told = source.observe(t_s)
+        observation = _observation(crossing, state, (t_s, told), chance)
         moment = Moment(
-            t_s, turns, _body(crossing.vehicle, state), state.speed_mps, people, crossing.models
-        )
+            t_s, turns, _body(crossing.vehicle, state), state.speed_mps, walks, crossing.models,
+            told,
+        )  # fmt: skip
         check_s = sum(_CHECK_S) / 2.0 if chance is None else chance.uniform(*_CHECK_S)
         state = driver.drive(state, sent, check_s)
         clock.now_s = t_s + check_s
@@ -122,10 +131,10 @@ def _deceleration(crossing: Crossing) -> float | None:
 def _observation(
     crossing: Crossing,
     state: CarState,
-    seen: tuple[float, Sequence[Track]],
+    told: tuple[float, PeopleNow],
     chance: random.Random | None,
 ) -> Observation:
-    error = crossing.localisation
+    error, (stamp_s, now) = crossing.localisation, told
 
     def around(value: float, radius: float) -> tuple[float, float]:
         centre = value if chance is None else value + chance.uniform(-radius, radius)
@@ -141,8 +150,8 @@ def _observation(
         speed_integral=(state.speed_integral_m, state.speed_integral_m),
         offset_integral=(state.offset_integral_ms, state.offset_integral_ms),
         reference_speed_mps=crossing.vehicle.operation.reference_speed_mps,
-        people=seen_people(seen[1], seen[0], crossing.models, crossing.limits),
-        stamp_s=seen[0],
+        people=now.people,
+        stamp_s=stamp_s,
         watched=Watched(state.x_m, state.y_m, crossing.watched_m),
     )
 

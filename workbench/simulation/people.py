@@ -14,6 +14,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
+from workbench.estimation.people_guards import (
+    ON_FOOT,
+    LimitsGuard,
+    LimitsGuards,
+    Sample,
+    assumed_guard,
+    fitted_line,
+    limits_discs,
+)
 from workbench.runtime import Disc, Guard, MotionLimits, ObservedPerson, Person
 from workbench.simulation.recording import PersonSample, Track
 
@@ -84,7 +93,19 @@ class PeopleModel:
 
     def of(self, kind: str) -> PersonModel:
         """The model for `kind`; an unknown kind gets the faster one."""
-        return self.on_foot if kind in ("ped", "sitting") else self.on_wheels
+        return self.on_foot if kind in ON_FOOT else self.on_wheels
+
+    def guards(self, limits: MotionLimits) -> LimitsGuards:
+        """The guards under `limits`, of nobody below their kind's unseen_speed_mps."""
+
+        def guard(model: PersonModel) -> LimitsGuard:
+            fastest = max(limits.speed_mps, model.unseen_speed_mps)
+            return LimitsGuard(
+                MotionLimits(fastest, limits.acceleration_mps2), model.position_error_m,
+                model.jitter_m, model.speed_error_mps, model.window_s,
+            )  # fmt: skip
+
+        return LimitsGuards(guard(self.on_foot), guard(self.on_wheels))
 
 
 def extrapolate(track: Track, t_s: float, model: PersonModel) -> Person | None:
@@ -120,28 +141,19 @@ def guard_at(track: Track, t_s: float, model: PersonModel, limits: MotionLimits)
     """The guard of a person at `t_s` from samples at times <= t_s; None as in `extrapolate`.
 
     Position, at the newest sample: the body's disc around it, widened by position_error_m.
-    Velocity: `extrapolate`'s w, which is the mean of the true velocity over the history with
-    weights >= 0 (for x' = v the slope is sum d_i x_i / sum d_i^2 = integral of g v, g >= 0 of
-    integral 1). The centroid of g is mean + sum d_i^3 / (2 sum d_i^2), so that a person within the
-    acceleration limit A has changed velocity since by at most A (t_newest - centroid); jitter and
-    speed_error_mps are added. A single sample gives the disc of all speeds. Both are then moved on
-    to t_s by the acceleration bound, t later: p + w t within r + q t + A t^2 / 2, w within q + A t.
+    Velocity: `limits_discs` of the history that `extrapolate` fits. Both are then moved on to t_s
+    by the acceleration bound, t later: p + w t within r + q t + A t^2 / 2, w within q + A t.
     The speed limit is not below unseen_speed_mps.
     """
     history = _history(track, t_s, model)
     if not history:
         return None
-    last = history[-1]
     fastest = MotionLimits(max(limits.speed_mps, model.unseen_speed_mps), limits.acceleration_mps2)
-    position = Disc(last.x_m, last.y_m, model.body_radius_m + model.position_error_m)
-    velocity = Disc(0.0, 0.0, fastest.speed_mps)
-    if len(history) > 1:
-        vx, vy, mean, spread = _slope(history)
-        third = sum((s.t_s - mean) ** 3 for s in history)
-        lag = limits.acceleration_mps2 * (last.t_s - mean - third / (2.0 * spread))
-        radius = model.speed_error_mps + _jitter(history, model) + lag
-        velocity = Disc(vx, vy, radius)
-    return _moved(Guard(0.0, position, velocity, fastest), t_s - last.t_s)
+    place, velocity = limits_discs(
+        _rows(history), fastest, jitter_m=model.jitter_m, speed_error_mps=model.speed_error_mps
+    )
+    position = Disc(place.x, place.y, model.body_radius_m + model.position_error_m)
+    return _moved(Guard(0.0, position, velocity, fastest), t_s - history[-1].t_s)
 
 
 def _moved(guard: Guard, t: float) -> Guard:
@@ -174,18 +186,6 @@ def seen_people(
     return tuple(people)
 
 
-def assumed_guard(guard: Guard) -> Guard:
-    """Somebody who can do all that a person in `guard` can: with every velocity within the limit,
-    and a millimetre more of position, for rounding."""
-    p, w = guard.position, guard.velocity
-    fastest = math.hypot(w.x, w.y) + guard.limits.speed_mps + _ROUNDING_M
-    return dataclasses.replace(
-        guard,
-        position=dataclasses.replace(p, radius=p.radius + _ROUNDING_M),
-        velocity=dataclasses.replace(w, radius=fastest),
-    )
-
-
 def _history(track: Track, t_s: float, model: PersonModel) -> Sequence[PersonSample]:
     """The samples of the last window_s before the newest one; none if that one is too old."""
     newest = bisect_right(track.samples, t_s, key=lambda sample: sample.t_s)
@@ -195,26 +195,17 @@ def _history(track: Track, t_s: float, model: PersonModel) -> Sequence[PersonSam
     return [s for s in seen if s.t_s >= seen[-1].t_s - model.window_s]
 
 
-def _slope(history: Sequence[PersonSample]) -> tuple[float, float, float, float]:
-    """Velocity by least squares (x, y), mean of the times, sum of their squared distances to it."""
-    mean = sum(s.t_s for s in history) / len(history)
-    spread = sum((s.t_s - mean) ** 2 for s in history)
-    vx = sum((s.t_s - mean) * s.x_m for s in history) / spread
-    vy = sum((s.t_s - mean) * s.y_m for s in history) / spread
-    return vx, vy, mean, spread
-
-
-def _jitter(history: Sequence[PersonSample], model: PersonModel) -> float:
-    _, _, mean, spread = _slope(history)
-    return model.jitter_m * sum(abs(s.t_s - mean) for s in history) / spread
+def _rows(history: Sequence[PersonSample]) -> list[Sample]:
+    return [(sample.t_s, sample.x_m, sample.y_m) for sample in history]
 
 
 def _velocity(history: Sequence[PersonSample], model: PersonModel) -> tuple[float, float, float]:
     if len(history) < 2:
         return 0.0, 0.0, model.unseen_speed_mps
-    vx, vy, mean, _ = _slope(history)
-    lag = model.acceleration_mps2 * (history[-1].t_s - mean)
-    return vx, vy, model.speed_error_mps + _jitter(history, model) + lag
+    line = fitted_line(_rows(history))
+    lag = model.acceleration_mps2 * (history[-1].t_s - line.mean_s)
+    jitter = model.jitter_m * line.size / line.spread
+    return line.vx_mps, line.vy_mps, model.speed_error_mps + jitter + lag
 
 
 @final

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import final
 
 from workbench.errors import InputError
+from workbench.estimation.people_estimator import PeopleNow
 from workbench.models.vehicle import Vehicle
 from workbench.models.vehicle_sections import Geometry
 from workbench.runtime import MotionLimits, PathTable, Timing
@@ -25,7 +26,8 @@ from workbench.sets import Box
 from workbench.simulation.clock import SetClock
 from workbench.simulation.measures import Drawing, Judge, Measures, Moment, Progress
 from workbench.simulation.observing import Observer, StateErrors, rear_axle
-from workbench.simulation.people import Body, PeopleModel, seen_people
+from workbench.simulation.people import Body, PeopleModel
+from workbench.simulation.people_sources import PeopleSource, StraightPeople
 from workbench.simulation.recorded_path import PathSmoothing, corners, recorded_path
 from workbench.simulation.recording import Recording, VehicleSample
 from workbench.simulation.runlog import Entry
@@ -154,6 +156,7 @@ def replay(
     *,
     clock: SetClock,
     settings: ReplaySettings,
+    people: PeopleSource | None = None,
     progress: Progress | None = None,
 ) -> ReplayResult:
     """Ask `monitor` at every sample that counts, using only samples with time <= t.
@@ -162,12 +165,14 @@ def replay(
     `clock`, and have LookAhead decide; the route and nothing else of the future is used. The clock
     counts from the recording's first sample; each check ends CHECK_S after its sample. `turn` is
     asked every TURN_S after a judged sample, and at the next one, just before its check.
+    people: what the monitor is told of them, None for straight on as the settings say.
     `progress(done, total)` is called after each sample. Raises InputError when the vehicle does not
     move or no sample is slow enough.
     """
     _require_slow_samples(recording, settings)
+    source = people or StraightPeople(recording.people, settings.people, settings.limits)
     entries = []
-    for done, entry in enumerate(_entries(recording, monitor, clock, settings), start=1):
+    for done, entry in enumerate(_entries(recording, (monitor, clock), settings, source), start=1):
         if entry is not None:
             entries.append(entry)
         if progress is not None:
@@ -180,14 +185,18 @@ def replay(
         Measures.of(entries),
         too_fast,
         len(recording.vehicle) - len(entries) - too_fast,
-        tuple(_notes(recording, settings, too_fast)),
+        tuple(_notes(recording, settings, source, too_fast)),
     )
 
 
 def _entries(
-    recording: Recording, monitor: Judge, clock: SetClock, settings: ReplaySettings
+    recording: Recording,
+    judge: tuple[Judge, SetClock],
+    settings: ReplaySettings,
+    source: PeopleSource,
 ) -> Iterator[Entry | None]:
     """For every sample the decision on record, None where it is not judged."""
+    monitor, clock = judge
     drawing = Drawing(
         settings.drawn_horizon_s, settings.drawn_step_s, corners(replay_path(recording, settings))
     )
@@ -198,10 +207,11 @@ def _entries(
         watched_m=settings.watched_m,
     )
     judged_s = 0.0
+    told: PeopleNow | None = None
     for sample in recording.vehicle:
         stamp_s = sample.t_s - recording.vehicle[0].t_s
-        people = seen_people(recording.people, sample.t_s, settings.people, settings.limits)
-        observation = observer.observe(sample, people, stamp_s=stamp_s)
+        told = _together(told, source.observe(sample.t_s))
+        observation = observer.observe(sample, told.people, stamp_s=stamp_s)
         if not _counts(sample, settings):
             yield None
             continue
@@ -209,7 +219,16 @@ def _entries(
         judged_s = stamp_s
         clock.now_s = stamp_s + CHECK_S
         decision = monitor.step(observation)
-        yield _moment(recording, sample, turns, settings).entry(observation, decision, drawing)
+        moment = _moment(recording, sample, (turns, told), settings)
+        told = None
+        yield moment.entry(observation, decision, drawing)
+
+
+def _together(before: PeopleNow | None, now: PeopleNow) -> PeopleNow:
+    """`now`, with what was broken at samples before that were not judged."""
+    if before is None:
+        return now
+    return dataclasses.replace(now, violations=before.violations + now.violations)
 
 
 def _turns(monitor: Judge, clock: SetClock, between_s: tuple[float, float]) -> Sequence[Turn]:
@@ -238,8 +257,12 @@ def _require_slow_samples(recording: Recording, settings: ReplaySettings) -> Non
 
 
 def _moment(
-    recording: Recording, sample: VehicleSample, turns: Sequence[Turn], settings: ReplaySettings
+    recording: Recording,
+    sample: VehicleSample,
+    known: tuple[Sequence[Turn], PeopleNow],
+    settings: ReplaySettings,
 ) -> Moment:
+    turns, told = known
     shape, ahead_m = recording.shape, settings.reference_ahead_m
     x_m, y_m = rear_axle(sample, ahead_m)
     body = Body(
@@ -250,25 +273,22 @@ def _moment(
         shape.rear_m - ahead_m,
         shape.half_width_m,
     )
-    return Moment(sample.t_s, turns, body, sample.speed_mps, recording.people, settings.people)
-
-
-def _notes(recording: Recording, settings: ReplaySettings, too_fast: int) -> Iterator[str]:
-    yield OPEN_LOOP
-    yield (
-        "People are extrapolated at constant velocity with a growing radius "
-        f"({settings.people.on_foot.provenance} figures); who is not seen for "
-        f"{settings.people.on_foot.max_age_s:g} s is assumed to be there, for "
-        f"{settings.people.on_foot.gone_age_s:g} s to have left."
+    return Moment(
+        sample.t_s, turns, body, sample.speed_mps, recording.people, settings.people, told
     )
+
+
+def _notes(
+    recording: Recording, settings: ReplaySettings, source: PeopleSource, too_fast: int
+) -> Iterator[str]:
+    yield OPEN_LOOP
+    yield source.intent_note
     yield (
         "LookAhead decides; FailSafe is followed in the log only, as the recorded car does not do "
         "what it says. It takes everybody within "
-        f"{settings.watched_m:g} m to be recorded, and nobody to exceed "
-        f"{settings.limits.speed_mps:g} m/s on foot, "
-        f"{settings.people.on_wheels.unseen_speed_mps:g} m/s on wheels or "
-        f"{settings.limits.acceleration_mps2:g} m/s^2; whoever comes from farther away and is "
-        "faster than the bundle's guard allows is named (NOBODY_NEW)."
+        f"{settings.watched_m:g} m to be recorded, and {source.guard_note}; "
+        "whoever comes from farther away and is faster than the bundle's guard allows is named "
+        "(NOBODY_NEW)."
     )
     if not recording.people:
         yield "This recording has no people: only the vehicle's side of decisions was exercised."

@@ -227,9 +227,10 @@ def _person(record: dict[str, Any]) -> PersonFrame:
     predicted, guarded = (
         tuple((x, y, r) for x, y, r in record[name]) for name in ("predicted", "guarded")
     )
-    return PersonFrame(
-        record["name"], record["x_m"], record["y_m"], record["radius_m"], predicted, guarded
-    )
+    # Logs of before intents were estimated have no such key.
+    wanted = tuple((goal, probability) for goal, probability in record.get("wanted", ()))
+    place = (record["name"], record["x_m"], record["y_m"], record["radius_m"])
+    return PersonFrame(*place, predicted, guarded, wanted)
 
 
 def _rectangles(rows: Sequence[Sequence[float]]) -> tuple[Rectangle, ...]:

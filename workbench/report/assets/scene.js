@@ -23,6 +23,7 @@
   const shows = (policy) => [0, policy].includes(Number(find("shown").value));
   // Tubes have the colours of the policy they decide; pages of one policy have one verdict.
   const said = (frame, policy) => (frame.q.length ? frame.q[policy - 1][1] : frame.v);
+  const goal = (wanted) => scene.texts[wanted[0]] + " " + wanted[1] + " %";
   const discs = (person) => summed(person.slice(1), 3, [CM, CM, CM]);
   const car = (frame) => [frame.c[0] * CM, frame.c[1] * CM, frame.c[2] * MRAD];
 
@@ -137,6 +138,8 @@
       pen.fillStyle = ink;
       if (frame.p.length > 6 && Math.hypot(rounds[0][0] - at[0], rounds[0][1] - at[1]) > 12) return;
       pen.fillText(scene.texts[person[0]], eye.x(rounds[0][0]) + 8, eye.y(rounds[0][1]) - 8);
+      const wanted = frame.i[rank][0];
+      if (shows(1) && wanted) pen.fillText("→ " + goal(wanted), eye.x(rounds[0][0]) + 8, eye.y(rounds[0][1]) + 6);
     });
   }
 
@@ -217,6 +220,9 @@
       scene.verdicts[each[1]][0] + ", " + scene.texts[each[2]] + ". " + scene.texts[each[3]]).join("\n") || "–";
     find("levels").textContent = frame.m.map((each) => scene.texts[each[0]] + ": " +
       each.slice(1).map((level) => scene.verdicts[level][0]).join(", ")).join("\n") || "–";
+    const wanted = frame.p.map((person, rank) => [scene.texts[person[0]], frame.i[rank].map(goal).join(", ")]);
+    find("wanted").textContent = wanted.filter((each) => each[1]).map((each) => each.join(": ")).join("\n");
+    find("wanted").parentElement.hidden = !find("wanted").textContent;
     const named = frame.w.map((text) => scene.texts[text]);
     if (frame.z !== null) named.push("alert to " + scene.texts[frame.z]);
     find("named").textContent = named.join("\n") || "none";
