@@ -35,7 +35,7 @@ RUNTIME: Final = "workbench/runtime"
 ONBOARD: Final = (
     "core", "turns", "states", "permission", "helm", "actuation", "commands", "pid", "limits",
     "faults", "found_on_bus", "found_in_car", "following", "watching", "arming", "last_resort",
-    "gate",
+    "gate", "found_in_intents", "way_tubes", "ways",
 )  # fmt: skip
 DECISION_CORE: Final = ("judgement", "monitor", "observation", "decision")
 TESTS: Final = (
@@ -43,7 +43,7 @@ TESTS: Final = (
     "test_onboard_core*", "test_onboard_commands*", "test_onboard_faults", "test_onboard_found_*",
     "test_onboard_following_*", "test_onboard_gate_edges", "test_onboard_permission_edges",
     "test_onboard_watching_*",
-    "test_onboard_intake", "test_onboard_last_resort", "test_onboard_limits",
+    "test_onboard_intake", "test_onboard_way*", "test_onboard_last_resort", "test_onboard_limits",
     "test_onboard_pid*", "test_onboard_intake_sets", "test_onboard_states*", "test_onboard_turns",
     "test_onboard_campaign_causes", "test_runtime_decisions", "test_runtime_fail_safe",
     "test_runtime_judgement", "test_runtime_monitor_*", "test_runtime_observation*",

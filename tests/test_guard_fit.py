@@ -14,8 +14,8 @@ from guard_walkers import crowd
 
 from workbench.errors import InputError
 from workbench.estimation import guard_scores
-from workbench.estimation.guard_fit import fit_guard, fitted_together
-from workbench.estimation.guard_model import GuardFit, GuardModel, is_inside
+from workbench.estimation.guard_fit import GuardRows, fit_guard, fitted_together
+from workbench.estimation.guard_model import GuardFit, GuardModel, VelocityError, is_inside
 from workbench.estimation.guard_motion import motion_rows
 from workbench.estimation.guard_scores import (
     binomial_interval,
@@ -27,8 +27,9 @@ from workbench.estimation.people_data import PersonTrack
 from workbench.runtime import MotionLimits
 
 LIMITS = MotionLimits(2.0, 1.5)
-SLOW = GuardModel(0.1, 0.0, 0.5, 0.0, 0.0, 1.0, LIMITS, "slow")
-FAST = GuardModel(0.1, 0.0, 3.0, 0.0, 0.0, 1.0, MotionLimits(9.0, 3.0), "fast")
+NONE = VelocityError(*[0.0] * 10)
+SLOW = GuardModel(0.1, dataclasses.replace(NONE, base_mps=0.5), 1.0, LIMITS, "slow")
+FAST = GuardModel(0.1, dataclasses.replace(NONE, base_mps=3.0), 1.0, MotionLimits(9.0, 3.0), "fast")
 
 
 @pytest.fixture(scope="module")
@@ -41,23 +42,35 @@ def fitted(people: list[PersonTrack]) -> GuardFit:
     return fit_guard(people, people, inside=0.99)
 
 
-def test_the_share_is_inside_in_every_recording_at_every_horizon(
-    people: list[PersonTrack], fitted: GuardFit
+@pytest.mark.parametrize("kind", ["ped", "cyclist"])
+def test_the_share_is_inside_at_every_horizon_and_not_much_more_at_one(
+    people: list[PersonTrack], fitted: GuardFit, kind: str
 ) -> None:
-    for kind in ("ped", "cyclist"):
-        own = [track for track in people if track.kind == kind]
-        for horizon in (0.5, 1.0, 2.0):
-            rows = motion_rows(own, own, horizon)
-            rows = rows.take(rows.motion.known)
-            held = is_inside(fitted.of(kind), rows)
-            for recording in range(3):
-                assert held[rows.recording == recording].mean() >= 0.99
+    own = [track for track in people if track.kind == kind]
+    tight = []
+    for horizon in (0.5, 1.0, 2.0):
+        rows = motion_rows(own, own, horizon)
+        rows = rows.take(rows.motion.known)
+        assert is_inside(fitted.of(kind), rows).mean() >= 0.99
+        # Without the margin of twelve people a fair size leaves some outside.
+        tight.append(is_inside(fitted.of(kind).scaled(0.8 / (1.05 + 10 / 12)), rows).mean())
+    assert min(tight) < 0.99
 
 
 def test_a_fit_keeps_the_speeds_it_saw_and_says_what_it_saw(fitted: GuardFit) -> None:
-    assert 1.0 < fitted.of("ped").limits.speed_mps <= 2.0
-    assert 3.0 < fitted.of("cyclist").limits.speed_mps <= 6.0
-    assert fitted.of("ped").provenance == "12 people (ped, sitting) in 3 recordings"
+    margin = 1.05 + 10.0 / 12.0
+    assert 1.0 * margin < fitted.of("ped").limits.speed_mps <= 2.0 * margin
+    assert 3.0 * margin < fitted.of("cyclist").limits.speed_mps <= 6.0 * margin
+    said = "12 people (ped) in 3 recordings, shape with 12 others"
+    assert fitted.of("ped").provenance == said
+
+
+def test_faults_of_the_labels_are_not_fitted_to(people: list[PersonTrack]) -> None:
+    far = people[0].xy_m.copy()
+    far[30:] += 500.0
+    jumped = [dataclasses.replace(people[0], xy_m=far), *people[1:]]
+    fit = fit_guard(jumped, jumped, inside=0.99)
+    assert fit.of("ped").limits.speed_mps < 5.0
 
 
 def test_a_kind_without_a_model_gets_its_family_or_the_widest() -> None:
@@ -67,10 +80,11 @@ def test_a_kind_without_a_model_gets_its_family_or_the_widest() -> None:
     assert fit.of("horse") is FAST
 
 
-def test_few_people_are_fitted_with_their_family(people: list[PersonTrack]) -> None:
-    assert fitted_together(people, "cyclist") == ("cyclist", "skater")
-    assert fitted_together(people * 10, "cyclist") == ("cyclist",)
-    assert fitted_together(people, "horse") == ("horse",)
+def test_few_people_share_the_shape_of_all(people: list[PersonTrack]) -> None:
+    assert fitted_together(GuardRows.of(people, people), "cyclist") == ("cyclist", "ped")
+    many = [dataclasses.replace(track, agent=f"{i}-{track.agent}")
+            for i in range(10) for track in people]  # fmt: skip
+    assert fitted_together(GuardRows.of(many, many), "cyclist") == ("cyclist",)
 
 
 def test_the_recording_that_is_judged_is_never_fitted_to(
@@ -78,11 +92,15 @@ def test_the_recording_that_is_judged_is_never_fitted_to(
 ) -> None:
     seen = []
 
-    def spy(tracks: list[PersonTrack], measured: list[PersonTrack], *, inside: float) -> GuardFit:
-        seen.append({track.recording for track in (*tracks, *measured)})
+    def spy(rows: GuardRows, *, inside: float) -> GuardFit:
+        left = {int(number) for part in rows.parts for number in part.recording}
+        assert left == {
+            rows.recordings.index(people[i].recording) for part in rows.parts for i in part.person
+        }
+        seen.append({rows.recordings[number] for number in left})
         return GuardFit({"ped": SLOW, "cyclist": FAST})
 
-    monkeypatch.setattr(guard_scores, "fit_guard", spy)
+    monkeypatch.setattr(guard_scores, "fit_rows", spy)
     fits = held_out_fits(people, people)
     assert dict(zip(fits, seen, strict=True)) == {
         "r0": {"r1", "r2"}, "r1": {"r0", "r2"}, "r2": {"r0", "r1"}
@@ -102,7 +120,8 @@ def _write(folder: Path, tracks: list[PersonTrack]) -> Path:
 def test_scores_are_those_counted_one_by_one(
     tmp_path: Path, people: list[PersonTrack], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tight = dataclasses.replace(SLOW, velocity_mps=0.1, limits=MotionLimits(1.5, 0.2))
+    error = dataclasses.replace(NONE, base_mps=0.1)
+    tight = dataclasses.replace(SLOW, error=error, limits=MotionLimits(1.5, 0.2))
     fit = GuardFit({"ped": tight, "cyclist": FAST})
     monkeypatch.setattr(
         guard_scores, "held_out_fits", lambda *_: dict.fromkeys(["r0", "r1", "r2"], fit)
@@ -152,8 +171,13 @@ def test_tracks_too_short_to_fit_to_are_refused(people: list[PersonTrack]) -> No
 
 @pytest.mark.campaign
 @pytest.mark.skipif("WORKBENCH_DATA" not in os.environ, reason="needs the recordings")
-def test_on_recordings_of_crowds_the_guard_holds() -> None:
-    scores = guard_table(Path(os.environ["WORKBENCH_DATA"]) / "ucy")
-    fresh = [score for score in scores if score.seen == "fresh"]
+@pytest.mark.parametrize(
+    ("folder", "kinds"),
+    [("ucy", {"ped"}), ("sdd", {"ped", "cyclist", "skater"}), ("kitti", {"ped"})],
+)
+def test_on_recordings_the_guard_holds_in_less_than_the_disc(folder: str, kinds: set[str]) -> None:
+    scores = guard_table(Path(os.environ["WORKBENCH_DATA"]) / folder)
+    fresh = [score for score in scores if score.seen == "fresh" and score.kind in kinds]
+    assert len(fresh) == 2 * len(kinds)
     assert all(score.inside >= 0.999 for score in fresh)
     assert all(score.area_m2 <= score.disc_m2 for score in fresh)

@@ -12,14 +12,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.errors import InputError
-from workbench.estimation.guard_model import GuardModel, common_area, guard_areas, is_inside
+from workbench.estimation.guard_model import (
+    GuardModel,
+    VelocityError,
+    common_area,
+    guard_areas,
+    is_inside,
+)
 from workbench.estimation.guard_motion import LONG_S, SHORT_S, motion_at, motion_rows
 from workbench.estimation.people_data import PersonTrack
 from workbench.runtime import MotionLimits
 
 LIMITS = MotionLimits(2.0, 1.5)
-BARE = GuardModel(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, LIMITS, "exact limits, exact measurements")
-FULL = GuardModel(0.1, 0.02, 0.3, 0.1, 0.8, 0.7, LIMITS, "made up")
+EXACT = VelocityError(*[0.0] * 10)
+SOME = VelocityError(0.3, 0.1, 0.4, 0.8, 0.02, 0.5, 0.2, 0.1, 0.3, 0.05)
+BARE = GuardModel(0.0, EXACT, 1.0, LIMITS, "exact limits, exact measurements")
+FULL = GuardModel(0.1, SOME, 0.7, LIMITS, "made up")
 
 
 @settings(deadline=None, max_examples=25)
@@ -58,6 +66,13 @@ def test_the_guard_for_the_monitor_has_the_discs_that_the_figures_are_of() -> No
         )
         assert missed <= guard.velocity.radius + 1e-12
     assert FULL.guard(track, -0.5, body_radius_m=0.3) is None
+
+
+def test_guards_of_many_times_are_those_of_each() -> None:
+    track = walker(np.random.default_rng(3), LIMITS)
+    times = np.array([0.0, 0.1, 1.0, 3.04])
+    each = tuple(FULL.guard(track, t_s, body_radius_m=0.3) for t_s in times)
+    assert FULL.guards(track, times, body_radius_m=0.3) == each
 
 
 @given(st.integers(0, 58), st.integers(0, 10**6))
@@ -128,6 +143,35 @@ def test_wider_limits_and_larger_scales_reach_farther(
     ):
         assert (guard_areas(wide, rows) >= guard_areas(small, rows) - 1e-9).all()
         assert (is_inside(wide, rows) >= is_inside(small, rows)).all()
+
+
+@given(st.integers(0, 9))
+def test_whatever_the_past_shows_more_of_widens_the_velocity(which: int) -> None:
+    track = walker(np.random.default_rng(9), LIMITS)
+    motion = motion_at(track, np.array([2.0]))
+    numbers = [0.0] * 10
+    numbers[which] = 1.0
+    error = VelocityError(*numbers)
+    assert error.of(motion) == VelocityError.terms(motion)[:, which] >= 0.0
+    assert error.scaled(3.0).of(motion) == 3.0 * error.of(motion)
+    assert SOME.of(motion)[0] == pytest.approx(
+        sum(n * t for n, t in zip(SOME.numbers(), VelocityError.terms(motion)[0], strict=True))
+    )
+
+
+def test_being_slow_and_being_new_fade() -> None:
+    times = np.arange(40) * 0.1
+    track = PersonTrack("r", "p", "ped", times, np.column_stack([times**3, 0.0 * times]))
+    motion = motion_at(track, times[1:])
+    terms = VelocityError.terms(motion)
+    assert terms[:, 2] == pytest.approx(0.5 ** (motion.speed_mps / (2.0 * math.log(2.0))))
+    assert terms[:, 5] == pytest.approx(0.5 ** (times[1:] / math.log(2.0)))
+
+
+@pytest.mark.parametrize("number", [-0.1, math.nan, math.inf])
+def test_an_error_that_makes_no_sense_is_refused(number: float) -> None:
+    with pytest.raises(InputError, match="expected finite numbers"):
+        dataclasses.replace(SOME, per_scatter=number)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from motion_cases import write_peds
 
 from workbench.estimation.guard_scores import guard_lines, guard_table
 from workbench.estimation.guard_shipped import shipped_guards
+from workbench.estimation.guard_violations import violation_lines, violation_table
 from workbench.estimation.motion_parameters import shipped_motion
 from workbench.estimation.prediction_scores import score_motion
 from workbench.runtime.person_guard import MotionLimits
@@ -32,6 +33,12 @@ def test_the_guard_is_scored(folder: Path, choice: str) -> None:
     assert (found.status, found.out) == (
         0, "\n".join(guard_lines(guard_table(folder, fit=fit))) + "\n"
     )  # fmt: skip
+
+
+def test_contradictions_are_counted(folder: Path) -> None:
+    found = invoke("intent", folder, "--score", "guard-violations")
+    lines = "\n".join(violation_lines(violation_table(folder)))
+    assert (found.status, found.out) == (0, lines + "\n")
 
 
 def test_the_motion_is_scored(folder: Path) -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import itertools
 import math
+from array import array
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from localisation_cases import USUAL, WHEELBASE_M, fed, hall, localiser
 from scipy import stats
 
 from workbench.errors import InputError
-from workbench.estimation.localisation import Belief, Localisation
+from workbench.estimation.localisation import Localisation
 from workbench.estimation.localisation_sets import (
     LEVELS,
     EllipsoidHull,
@@ -59,8 +59,9 @@ def test_larger_confidence_never_has_a_smaller_side(
     levels: list[float], mean: list[float], deviations: list[float],
     shape: EllipsoidHull | UnionBound,
 ) -> None:  # fmt: skip
-    belief = Belief(np.array([mean]), np.diag(np.square(deviations))[None])
-    sets = sets_of(dataclasses.replace(known(), belief=belief), tuple(sorted(levels)), shape)
+    car = known().cars[0].continued(hall(), localiser().steps)
+    car.mean[:], car.covariance[:] = array("d", mean), np.diag(np.square(deviations)).ravel()
+    sets = sets_of(Localisation((car,)), tuple(sorted(levels)), shape)
     for small, large in itertools.pairwise(sets):
         assert large.contains(small)
     assert all(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import math
 
@@ -11,9 +10,9 @@ import pytest
 from localisation_cases import WHEELBASE_M, changed, compiled_functions, fed, hall, localiser
 
 from workbench.errors import InputError
-from workbench.estimation.localisation import Localiser, Status
+from workbench.estimation.localisation import Car, Localiser, Status
 from workbench.estimation.localisation_sets import LEVELS, UnionBound, initial_sets
-from workbench.estimation.localisation_states import HYPOTHESES
+from workbench.estimation.localisation_states import HYPOTHESES, WINDOW
 from workbench.estimation.localisation_world import Drive, Faults, Leg, generated_drive
 
 FAULTS = Faults(dropped=0.3, stray=0.1, stray_mean_m=1.0)
@@ -87,7 +86,7 @@ def test_coordinates_of_a_standing_car_stay_above_their_floor() -> None:
 def test_ranges_that_are_refused_in_a_row_are_a_lost_car(until_s: float, before: Status) -> None:
     """Also one that was placed wrongly and has no heading yet."""
     mine, known = localiser(), fed(drive(), 0, until_s)
-    known = dataclasses.replace(known, refused=np.zeros(1, dtype=np.int64))
+    known.cars[0].refused = 0
     for count in range(int(hall().limits.lost_after)):
         assert mine.status(known) is before, count
         known = mine.ranged(
@@ -110,6 +109,37 @@ def test_a_car_that_moves_is_not_placed() -> None:
     legs = (Leg(6.0, 2.0, 0.0),)
     moving = generated_drive(hall(), legs, FAULTS, cars=1, wheelbase_m=WHEELBASE_M, seed=22)
     assert localiser().status(fed(moving, 0, 6.0)) is Status.UNPLACED
+
+
+def test_ranges_from_before_a_car_moved_do_not_place_it() -> None:
+    """Whoever drives on while it is being placed needs all of the ranges anew."""
+    mine, beacons = Car(hall(), localiser().steps, at_s=0.0), hall().beacons
+    at = (12.0, 9.0, hall().antenna.height_m)
+    counts = []
+    for k in range(150):
+        speed = 1.0 if 30 <= k < 33 else 0.0
+        mine.reported(at_s=0.125 * k, speed_mps=speed, steering_rad=0.0, commands=None)
+        place = beacons[k % 6]
+        mine.ranged(at_s=0.125 * k, beacon=k % 6,
+                    range_m=math.dist(at, (place.x_m, place.y_m, place.height_m)))  # fmt: skip
+        counts.append(mine.placed)
+    # It counts as standing 0.4 s after its last motion, at the fourth report.
+    assert counts.index(True) == 33 + 4 + WINDOW - 1
+
+
+def test_ranges_to_one_beacon_do_not_place_a_car() -> None:
+    """However many: they leave a circle. Those of three others then do."""
+    mine = Car(hall(), localiser().steps, at_s=0.0)
+    at = (12.0, 9.0, hall().antenna.height_m)
+    for k in range(100):
+        mine.reported(at_s=0.125 * k, speed_mps=0.0, steering_rad=0.0, commands=None)
+        beacon = 0 if k < 70 else k % 4
+        place = hall().beacons[beacon]
+        range_m = math.dist(at, (place.x_m, place.y_m, place.height_m))
+        mine.ranged(at_s=0.125 * k, beacon=beacon, range_m=range_m)
+        if k < 70:
+            assert mine.status(now_s=mine.stamp_s) is Status.UNPLACED
+    assert mine.placed
 
 
 def test_messages_out_of_order_are_refused() -> None:

@@ -183,6 +183,8 @@ def test_the_cases_cover_the_table() -> None:
         Fault.NOT_COVERED, Fault.BUNDLE, Fault.COARSE_READING, Fault.NOT_OBSERVED,
         # In test_onboard_core.py and test_onboard_core_gate.py.
         Fault.OVERRUN, Fault.UPSTREAM_LOST, Fault.UPSTREAM_DISABLED,
+        # In test_onboard_core_intents.py.
+        Fault.INTENTS_LOST,
     }  # fmt: skip
     beside = {fault for fault in Fault if fault.rule.latency is Latency.BESIDE}
     assert beside == {Fault.LOG_LOST, Fault.LEAK}

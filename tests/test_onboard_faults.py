@@ -26,7 +26,7 @@ ROWS = {
 """Of the fault list that the monitor was built to."""
 OWN = {
     "wrong vehicle", "gate: upstream controller", "assumption: estimation error",
-    "assumption: actuation", "assumption: initial set", "exception",
+    "assumption: actuation", "assumption: initial set", "assumption: intent", "exception",
 }  # fmt: skip
 """Rows that were added to it."""
 

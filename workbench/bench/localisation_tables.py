@@ -9,6 +9,8 @@ fails when an entry of the hall's own tables leaves its chi-square band.
 from __future__ import annotations
 
 import dataclasses
+import math
+import statistics
 import sys
 import tempfile
 import time
@@ -36,6 +38,8 @@ from workbench.estimation.localisation_scores import (
 from workbench.estimation.localisation_sets import LEVELS, EllipsoidHull, UnionBound
 from workbench.estimation.localisation_site import Site, hall_path, load_site
 from workbench.estimation.localisation_world import Faults, Leg, figure_eight, generated_drive
+from workbench.runtime.localiser.car import Car
+from workbench.runtime.localiser.native_steps import SYMBOLS, native_steps
 
 # Specification
 WHEELBASE_M = 1.75
@@ -75,15 +79,20 @@ def moments(run: Run) -> dict[str, Array]:
     return at
 
 
-def compiled(site: Site) -> FilterFunctions:
+def shared_object(site: Site) -> bytes:
     """The functions as they run on the vehicle."""
     made = filter_functions(site, wheelbase_m=WHEELBASE_M)
     text = "\n".join(["#include <math.h>", FLOOR, function_text(made.all())])
+    return compile_shared(text).shared_object
+
+
+def compiled(site: Site) -> FilterFunctions:
+    """The same, as CasADi calls them."""
     with tempfile.TemporaryDirectory(prefix="workbench-") as folder:
         path = Path(folder) / "filter.so"
-        path.write_bytes(compile_shared(text).shared_object)
+        path.write_bytes(shared_object(site))
         # Loaded here and now; the file is not asked for again.
-        return FilterFunctions(*(ca.external(f.name(), str(path)) for f in made.all()))
+        return FilterFunctions(*(ca.external(name, str(path)) for name in SYMBOLS))
 
 
 def table(rows: list[list[str]]) -> str:
@@ -127,7 +136,7 @@ def main(cars: int) -> bool:
                         ("Half-widths of the 99 % set: median, 99 %", sizes)):  # fmt: skip
         _say(f"\n{title}\n\n{table(rows)}")
     other_worlds(cars)
-    _say(f"\n{table(costs())}")
+    _say(f"\n{table(costs())}\n\n{table(message_costs())}")
     return inside
 
 
@@ -185,6 +194,50 @@ def costs() -> list[list[str]]:
         call(*given)
         rows.append([function.name(), f"{(time.perf_counter() - begun) / n * 1e6:.2f}"])
     return rows
+
+
+def message_costs() -> list[list[str]]:
+    """Time that a message takes on the vehicle: Python, its copies and the compiled functions."""
+    site = load_site(hall_path())
+    drive = generated_drive(
+        site, figure_eight(), Faults(0.3, 0.1, STRAY_MEAN_M), cars=1, wheelbase_m=WHEELBASE_M,
+        seed=SEED,
+    )  # fmt: skip
+    car, spent = Car(site, native_steps(shared_object(site)), at_s=0.0), Spent()
+    columns = (drive.times_s, drive.speed_mps[:, 0], drive.steering_rad[:, 0])
+    for k, (at_s, speed, steering) in enumerate(zip(*(c.tolist() for c in columns), strict=True)):
+        begun = time.perf_counter()
+        car.reported(at_s=at_s, speed_mps=speed, steering_rad=steering, commands=None)
+        spent.note("a pair of reports", car, begun)
+        for beacon, range_m in enumerate(drive.ranges_m[k, 0].tolist()):
+            if math.isfinite(range_m):
+                begun = time.perf_counter()
+                car.ranged(at_s=at_s, beacon=beacon, range_m=range_m)
+                spent.note("a range", car, begun)
+    return [["microseconds, median", *Spent.PHASES], *spent.rows()]
+
+
+class Spent:
+    """Times of messages, by kind and by what was known of the car after them."""
+
+    PHASES = ("not placed", "32 headings followed", "one heading")
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[str, str], list[float]] = {}
+
+    def note(self, kind: str, car: Car, begun: float) -> None:
+        """One message more, which has just ended."""
+        took = time.perf_counter() - begun
+        phase = self.PHASES[car.placed + car.aligned]
+        self._found.setdefault((kind, phase), []).append(took)
+
+    def rows(self) -> list[list[str]]:
+        """One row for each kind."""
+        kinds = dict.fromkeys(kind for kind, _ in self._found)
+        return [
+            [kind, *(f"{1e6 * statistics.median(self._found[kind, p]):.1f}" for p in self.PHASES)]
+            for kind in kinds
+        ]
 
 
 def cells(row: NeesRow) -> list[str]:

@@ -14,6 +14,7 @@ from workbench.cli.output import emit
 from workbench.errors import InputError
 from workbench.runtime.protocols import (
     PROTOCOLS,
+    IntentSet,
     LocalisationSet,
     NoSet,
     PersonSet,
@@ -23,6 +24,7 @@ from workbench.runtime.protocols import (
     decode_received,
     load_protocol,
 )
+from workbench.runtime.protocols.tables import RANGES
 
 if TYPE_CHECKING:
     import can
@@ -62,7 +64,7 @@ class _Counts:
     frames: Counter[str]
     refused: Counter[str]
     reasons: Counter[str]
-    sets: dict[str, PersonSet | LocalisationSet]
+    sets: dict[str, PersonSet | LocalisationSet | IntentSet]
     broken: Counter[str]
     left_out: int = 0
 
@@ -75,7 +77,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--protocol",
         action="append",
         required=True,
-        choices=PROTOCOLS,
+        choices=(*PROTOCOLS, RANGES),
         help="whose frames these are; twice for a bus that carries two",
     )
     parser.add_argument("--refused", action="store_true", help="show refused frames only")
@@ -155,9 +157,10 @@ def _take(counts: _Counts, row: _Row, args: argparse.Namespace) -> None:
         counts.left_out += 1
 
 
-def _no_sets(protocols: list[Protocol]) -> dict[str, PersonSet | LocalisationSet]:
-    own = any(protocol.name == "workbench" for protocol in protocols)
-    return {"localisation": LocalisationSet(), "people": PersonSet()} if own else {}
+def _no_sets(protocols: list[Protocol]) -> dict[str, PersonSet | LocalisationSet | IntentSet]:
+    if all(protocol.name != "workbench" for protocol in protocols):
+        return {}
+    return {"localisation": LocalisationSet(), "people": PersonSet(), "intents": IntentSet()}
 
 
 def _collect(counts: _Counts, said: Decoded | Refusal) -> None:

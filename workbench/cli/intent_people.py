@@ -7,7 +7,7 @@ from typing import Final
 
 from workbench.cli.output import Progress, emit
 
-SCORES: Final = ("goals", "motion", "guard", "guard-shipped")
+SCORES: Final = ("goals", "motion", "guard", "guard-shipped", "guard-violations")
 
 
 def add_score_option(parser: argparse.ArgumentParser) -> None:
@@ -18,7 +18,8 @@ def add_score_option(parser: argparse.ArgumentParser) -> None:
         default=SCORES[0],
         help="goals: who goes where; motion: predicted places and radii beside constant velocity; "
         "guard: share of positions inside and area, fitted to the other recordings; "
-        "guard-shipped: the same of the shipped guards (default: goals)",
+        "guard-shipped: the same of the shipped guards; guard-violations: how often the guards of "
+        "one person contradict each other (default: goals)",
     )
 
 
@@ -42,7 +43,11 @@ def _motion(args: argparse.Namespace) -> tuple[str, dict[str, object]]:
 def _guard(args: argparse.Namespace) -> tuple[str, dict[str, object]]:
     from workbench.estimation.guard_scores import guard_lines, guard_table
     from workbench.estimation.guard_shipped import shipped_guards
+    from workbench.estimation.guard_violations import violation_lines, violation_table
 
+    if args.score == "guard-violations":
+        counts = violation_table(args.folder)
+        return "\n".join(violation_lines(counts)), {"violations": counts}
     fit = shipped_guards() if args.score == "guard-shipped" else None
     scores = guard_table(args.folder, fit=fit)
     return "\n".join(guard_lines(scores)), {"guard": scores}

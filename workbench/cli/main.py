@@ -25,10 +25,12 @@ COMMANDS: Final = {
     "reach": "compute a tube that contains every trajectory",
     "inner": "prove how tight a tube is, by validated trajectories",
     "gains": "show poles, margins and the tube for a vehicle's gains",
+    "track": "follow people through images or a video, on the ground",
     "intent": "say where recorded people go, score it and answer questions",
     "localise": "say where a car was in a recorded drive, with nested sets",
     "commission": "fit steering zero, speed scale and wheelbase to a recorded drive",
     "build": "compile a monitor bundle",
+    "build-localiser": "compile the localiser of a site for a vehicle",
     "keygen": "make the keys for signing bundles",
     "sign": "sign a bundle, for vehicles that load no other",
     "bench": "score tightness and time, side by side",
@@ -53,7 +55,7 @@ PACKAGES_OF_EXTRAS: Final = {
         "rosbags",
     ),
     "study": ("dask", "optuna", "pyarrow"),
-    "perception": ("onnxruntime",),
+    "perception": ("onnxruntime", "av", "PIL"),
     "commonroad": ("commonroad",),
 }
 
@@ -116,7 +118,7 @@ class _Parser(argparse.ArgumentParser):
 
 def load_command(name: str) -> Command:
     """Import the module of one command. Raises InputError when the installation lacks it."""
-    path = f"workbench.cli.{name}"
+    path = f"workbench.cli.{name.replace('-', '_')}"
     try:
         module = importlib.import_module(path)
     except ModuleNotFoundError as error:

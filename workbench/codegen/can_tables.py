@@ -6,11 +6,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 
 import workbench.runtime.protocols
 from workbench.codegen.dbc_reader import read_dbc
-from workbench.runtime.protocols.tables import PROTOCOLS, Protocol, table_of
+from workbench.runtime.protocols.tables import PROTOCOLS, RANGES, Protocol, table_of
 
 FOLDER = Path(workbench.runtime.protocols.__file__).parent
 
@@ -35,11 +36,11 @@ def made_table(name: str, folder: Path = FOLDER) -> str:
     return table_text(read_dbc((folder / f"{name}.dbc").read_text(encoding="utf-8"), name=name))
 
 
-def write_tables(folder: Path = FOLDER) -> None:
+def write_tables(folder: Path = FOLDER, names: Iterable[str] = PROTOCOLS) -> None:
     """Write the table of every protocol beside its DBC file."""
-    for name in PROTOCOLS:
+    for name in names:
         (folder / f"{name}.json").write_text(made_table(name, folder), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    write_tables()
+    write_tables(names=(*PROTOCOLS, RANGES))

@@ -19,32 +19,89 @@ FAMILIES = (("ped", "sitting"), ("cyclist", "skater"))
 """Kinds that move alike."""
 
 
+SLOW_MPS, NEW_S = 2.0, 1.0
+"""Scales on which being slow and being new to the sensor fade."""
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class VelocityError:
+    """How wrong a measured velocity can be soon, as a sum of what the past shows (`Motion`).
+
+    q' = base + per_speed |w| + slow exp(-|w| / SLOW_MPS) + per_unsteady u + noise n
+    + new exp(-seen / NEW_S) + per_missed m + per_missed_long M + per_scatter s + per_fastest f,
+    with u, n, m, M, s, f the unsteady_mps, noise_gain, missed_mps, missed_long_mps, scatter_m and
+    fastest_mps. `per_` are factors (per_scatter 1/s), noise_m is m, the rest m/s.
+    Raises InputError for a number that is negative or not finite.
+    """
+
+    base_mps: float
+    per_speed: float
+    slow_mps: float
+    per_unsteady: float
+    noise_m: float
+    new_mps: float
+    per_missed: float
+    per_missed_long: float
+    per_scatter: float
+    per_fastest: float
+
+    def __post_init__(self) -> None:
+        if not all(math.isfinite(number) and number >= 0.0 for number in self.numbers()):
+            raise InputError(f"expected finite numbers >= 0, got {self}")
+
+    def numbers(self) -> tuple[float, ...]:
+        """The coefficients in the order of `terms`."""
+        return tuple(getattr(self, field.name) for field in dataclasses.fields(self))
+
+    @staticmethod
+    def terms(motion: Motion) -> Floats:
+        """What each coefficient is multiplied by, (n, 10)."""
+        return np.column_stack([
+            np.ones(len(motion.speed_mps)),
+            motion.speed_mps,
+            np.exp(-motion.speed_mps / SLOW_MPS),
+            motion.unsteady_mps,
+            motion.noise_gain,
+            np.exp(-motion.seen_s / NEW_S),
+            motion.missed_mps,
+            motion.missed_long_mps,
+            motion.scatter_m,
+            motion.fastest_mps,
+        ])  # fmt: skip
+
+    def of(self, motion: Motion) -> Floats:
+        """q' for each row, (n,) m/s."""
+        # Not a matrix product: its rounding depends on how many rows there are.
+        return np.asarray((self.terms(motion) * np.array(self.numbers())).sum(axis=1))
+
+    def scaled(self, factor: float) -> VelocityError:
+        """All coefficients `factor` times as large."""
+        return VelocityError(*(factor * number for number in self.numbers()))
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class GuardModel:
     """The guard of a person of one kind as a function of their measured motion.
 
-    With w the velocity over the last LONG_S, u its distance to the velocity over the last SHORT_S,
-    l its lag and n its noise gain (`Motion`): position in disc(newest measurement, r), velocity in
-    disc(c w, q), q = max(q0 + q1 |w| + q2 u + j n + A l, (1 - c) |w|), the second so that w itself
-    is inside; from there on |a| <= A and |v| <= V. Where no velocity is known: disc(0, V).
-    position_m r; noise_m j; velocity_mps q0; per_speed q1; per_unsteady q2; kept c: people stop
-    more than they double their speed; limits: V, A; provenance: what it was fitted to.
+    With w the velocity over the last LONG_S and l its lag (`Motion`): position in disc(newest
+    measurement, r), velocity in disc(c w, q), q = max(q' + A l, (1 - c) |w|), the second so that w
+    itself is inside; from there on |a| <= A and |v| <= V. No velocity known: disc(0, V).
+    position_m r; error q' (`VelocityError`); kept c: people stop more than they double their
+    speed; limits: V, A; provenance: what it was fitted to.
     Raises InputError for a number that is negative or not finite, and for kept > 1.
     """
 
     position_m: float
-    noise_m: float
-    velocity_mps: float
-    per_speed: float
-    per_unsteady: float
+    error: VelocityError
     kept: float
     limits: MotionLimits
     provenance: str
 
     def __post_init__(self) -> None:
-        numbers = [getattr(self, f.name) for f in dataclasses.fields(self)][:6]
-        numbers += [self.limits.speed_mps, self.limits.acceleration_mps2]
+        limits = self.limits
+        numbers = (self.position_m, self.kept, limits.speed_mps, limits.acceleration_mps2)
         if not all(math.isfinite(n) and n >= 0.0 for n in numbers) or self.kept > 1.0:
             raise InputError(f"expected finite numbers >= 0 and kept <= 1, got {self}")
 
@@ -55,13 +112,7 @@ class GuardModel:
 
     def fitted_error(self, motion: Motion) -> Floats:
         """The first of the two terms of q, (n,) m/s."""
-        return (
-            self.velocity_mps
-            + self.per_speed * motion.speed_mps
-            + self.per_unsteady * motion.unsteady_mps
-            + self.noise_m * motion.noise_gain
-            + self.limits.acceleration_mps2 * motion.lag_s
-        )
+        return np.asarray(self.error.of(motion) + self.limits.acceleration_mps2 * motion.lag_s)
 
     def radii(self, motion: Motion, reach_s: Floats) -> tuple[Floats, Floats]:
         """Radius of the acceleration and of the speed disc, (n,) m, reach_s (n,) after the newest
@@ -74,10 +125,7 @@ class GuardModel:
         return dataclasses.replace(
             self,
             position_m=self.position_m * factor,
-            noise_m=self.noise_m * factor,
-            velocity_mps=self.velocity_mps * factor,
-            per_speed=self.per_speed * factor,
-            per_unsteady=self.per_unsteady * factor,
+            error=self.error.scaled(factor),
             limits=dataclasses.replace(
                 self.limits, acceleration_mps2=self.limits.acceleration_mps2 * factor
             ),
@@ -92,13 +140,24 @@ class GuardModel:
         history = history.until(t_s)
         if not len(history.t_s):
             return None
-        motion = motion_at(history, np.array([t_s]))
-        (x, y), (vx, vy) = motion.place_m[0], self.kept * motion.velocity_mps[0]
-        return Guard(
-            -float(motion.age_s[0]),
-            Disc(float(x), float(y), self.position_m + body_radius_m),
-            Disc(float(vx), float(vy), float(self.velocity_error(motion)[0])),
-            self.limits,
+        return self.guards(history, np.array([t_s]), body_radius_m=body_radius_m)[0]
+
+    def guards(
+        self, history: PersonTrack, times_s: Floats, *, body_radius_m: float
+    ) -> tuple[Guard, ...]:
+        """`guard` at each of times_s, (n,), none before the first measurement."""
+        motion = motion_at(history, times_s)
+        centres, errors = self.kept * motion.velocity_mps, self.velocity_error(motion)
+        return tuple(
+            Guard(
+                -float(age),
+                Disc(float(x), float(y), self.position_m + body_radius_m),
+                Disc(float(vx), float(vy), float(q)),
+                self.limits,
+            )
+            for age, (x, y), (vx, vy), q in zip(
+                motion.age_s, motion.place_m, centres, errors, strict=True
+            )
         )
 
 
@@ -162,7 +221,7 @@ def _reach(model: GuardModel) -> float:
     row = np.ones(1)
     motion = Motion(
         0.0 * row, np.zeros((1, 2)), np.array([[1.5, 0.0]]), 1.5 * row, 0.0 * row, row, row,
-        np.ones(1, np.bool_),
+        np.ones(1, np.bool_), row, 0.0 * row, 0.0 * row, 0.0 * row, 1.5 * row,
     )  # fmt: skip
     grown, fast = model.radii(motion, 2.0 * row)
     return min(float(grown[0]), float(fast[0]))

@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 from workbench.estimation.people_data import PersonTrack
 
 SHORT_S = 0.5
-LONG_S = 2.0
+LONG_S = 1.2
 """History that the two velocities are fitted to; two measurements where it holds fewer."""
+AHEAD_SHORT_S, WITHIN_SHORT_S = 0.5, 2.0
+AHEAD_LONG_S, WITHIN_LONG_S = 1.0, 8.0
+"""How far ahead each velocity is tried on the person's own past, and how far back that counts."""
 
 _SAME_TIME_S = 1e-9
 
@@ -30,7 +33,12 @@ class Motion:
     to the velocity over the last SHORT_S; lag_s: (n,) from the mean time of the long window to the
     newest measurement; noise_gain: (n,) 1/s, standard error of that velocity per metre of
     independent error in each measurement, 1 / sqrt(sum d_i^2) with d_i the times relative to their
-    mean; known: (n,) whether two measurements existed, the velocities being 0 where not.
+    mean; known: (n,) whether two measurements existed, the velocities being 0 where not; seen_s:
+    (n,) from the first measurement to the newest; scatter_m: (n,) root mean square distance of the
+    measurements of the last LONG_S to their line; missed_mps: (n,) by how much, per second, the
+    short velocity missed this very person AHEAD_SHORT_S later, the largest within the last
+    WITHIN_SHORT_S; missed_long_mps: (n,) the same of the long one; fastest_mps: (n,) the largest
+    long velocity within the last WITHIN_LONG_S.
     """
 
     age_s: Floats
@@ -41,6 +49,11 @@ class Motion:
     lag_s: Floats
     noise_gain: Floats
     known: NDArray[np.bool_]
+    seen_s: Floats
+    scatter_m: Floats
+    missed_mps: Floats
+    missed_long_mps: Floats
+    fastest_mps: Floats
 
 
 def motion_at(measured: PersonTrack, times_s: Floats) -> Motion:
@@ -49,25 +62,66 @@ def motion_at(measured: PersonTrack, times_s: Floats) -> Motion:
     times_s: (n,), none before the first measurement.
     """
     newest = np.searchsorted(measured.t_s, times_s + _SAME_TIME_S, side="right") - 1
-    slow, lag, gain = window_velocity(measured, newest, LONG_S)
-    fast, _, _ = window_velocity(measured, newest, SHORT_S)
+    every = np.arange(int(newest.max()) + 1 if len(newest) else 0)
+    slow, fast = _line(measured, every, LONG_S), _line(measured, every, SHORT_S)
+    speed = np.hypot(*slow.velocity_mps.T)
+    missed = _missed(measured, fast.velocity_mps, AHEAD_SHORT_S)
+    missed_long = _missed(measured, slow.velocity_mps, AHEAD_LONG_S)
+    t = measured.t_s[: len(every)]
     return Motion(
         age_s=np.maximum(times_s - measured.t_s[newest], 0.0),
         place_m=measured.xy_m[newest],
-        velocity_mps=slow,
-        speed_mps=np.hypot(slow[:, 0], slow[:, 1]),
-        unsteady_mps=np.hypot(*(fast - slow).T),
-        lag_s=lag,
-        noise_gain=gain,
+        velocity_mps=slow.velocity_mps[newest],
+        speed_mps=speed[newest],
+        unsteady_mps=np.hypot(*(fast.velocity_mps - slow.velocity_mps).T)[newest],
+        lag_s=slow.lag_s[newest],
+        noise_gain=slow.noise_gain[newest],
         known=newest > 0,
+        seen_s=measured.t_s[newest] - measured.t_s[0],
+        scatter_m=slow.scatter_m[newest],
+        missed_mps=_largest(t, missed, newest, WITHIN_SHORT_S),
+        missed_long_mps=_largest(t, missed_long, newest, WITHIN_LONG_S),
+        fastest_mps=_largest(t, speed, newest, WITHIN_LONG_S),
     )
 
 
-def window_velocity(
-    measured: PersonTrack, newest: NDArray[np.intp], window_s: float
-) -> tuple[Floats, Floats, Floats]:
-    """Least-squares velocity (n, 2) over the window_s before each newest measurement, its lag and
-    noise gain; over the two newest ones where the window holds one, and 0 for the first of all."""
+def _missed(measured: PersonTrack, velocity_mps: Floats, ahead_s: float) -> Floats:
+    """For each measurement, the error per second of the place predicted for it from ahead_s
+    before; 0 where nothing was predicted, (n,) m/s."""
+    n = len(velocity_mps)
+    t, xy = measured.t_s[:n], measured.xy_m[:n]
+    before = np.searchsorted(t, t - ahead_s + _SAME_TIME_S, side="right") - 1
+    told = before >= 1
+    before = np.maximum(before, 0)
+    apart = np.where(told, t - t[before], 1.0)
+    missed = xy - xy[before] - velocity_mps[before] * apart[:, None]
+    return np.where(told, np.hypot(*missed.T) / apart, 0.0)
+
+
+def _largest(t: Floats, values: Floats, at: NDArray[np.intp], within_s: float) -> Floats:
+    """The largest of the values within the within_s up to each place of `at`, (n,)."""
+    first = np.searchsorted(t, t[at] - within_s - _SAME_TIME_S)
+    ends = np.column_stack([first, at + 1]).ravel()
+    return np.asarray(np.maximum.reduceat(np.append(values, -np.inf), ends)[::2])
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Line:
+    velocity_mps: Floats
+    lag_s: Floats
+    noise_gain: Floats
+    scatter_m: Floats
+
+
+def window_velocity(measured: PersonTrack, newest: NDArray[np.intp], window_s: float) -> Floats:
+    """Least-squares velocity (n, 2) over the window_s before each newest measurement; over the two
+    newest ones where the window holds one, and 0 for the first of all."""
+    return _line(measured, newest, window_s).velocity_mps
+
+
+def _line(measured: PersonTrack, newest: NDArray[np.intp], window_s: float) -> _Line:
+    """The line through each window: velocity, lag, noise gain and scatter (`Motion`)."""
     t, xy = measured.t_s - measured.t_s[0], measured.xy_m - measured.xy_m[0]
     first = np.minimum(np.searchsorted(t, t[newest] - window_s - _SAME_TIME_S), newest - 1)
     first = np.maximum(first, 0)
@@ -77,12 +131,15 @@ def window_velocity(
         return np.asarray(sums[newest + 1] - sums[first])
 
     count = newest - first + 1
-    mean = summed(t) / count
+    mean, middle = summed(t) / count, summed(xy) / count[:, None]
     squares = summed(t * t) - count * mean * mean
     moments = summed(t[:, None] * xy) - mean[:, None] * summed(xy)
     # One measurement has no spread; its velocity stays 0.
     spread = np.where(count > 1, squares, np.inf)
-    return moments / spread[:, None], t[newest] - mean, 1.0 / np.sqrt(spread)
+    velocity = moments / spread[:, None]
+    around = (summed(xy * xy) - count[:, None] * middle * middle - velocity * moments).sum(axis=1)
+    scatter = np.sqrt(np.maximum(around, 0.0) / count)
+    return _Line(velocity, t[newest] - mean, 1.0 / np.sqrt(spread), scatter)
 
 
 @final
@@ -165,14 +222,17 @@ def _rows_of(
         [np.interp(times + horizon_s, track.t_s, track.xy_m[:, axis]) for axis in (0, 1)]
     )
     newest = np.searchsorted(seen.t_s, times + _SAME_TIME_S, side="right") - 1
-    velocities = [window_velocity(seen, newest, window)[0] for window in windows_s]
+    velocities = [window_velocity(seen, newest, window) for window in windows_s]
     return motion, later - motion.place_m, np.full(len(times), number, np.intp), velocities
 
 
 def _joined(parts: Sequence[Motion]) -> Motion:
     if not parts:
         none, pairs = np.zeros(0), np.zeros((0, 2))
-        return Motion(none, pairs, pairs, none, none, none, none, np.zeros(0, np.bool_))
+        return Motion(
+            none, pairs, pairs, none, none, none, none, np.zeros(0, np.bool_), none, none, none,
+            none, none,
+        )  # fmt: skip
     return Motion(
         *(np.concatenate([getattr(part, name) for part in parts]) for name in Motion.__slots__)
     )

@@ -12,11 +12,10 @@ import numpy as np
 from scipy.stats import beta
 
 from workbench.errors import InputError
-from workbench.estimation.guard_fit import FRESH_S, fit_guard
+from workbench.estimation.guard_fit import FRESH_S, GuardRows, fit_guard, fit_rows
 from workbench.estimation.guard_model import (
     GuardFit,
     GuardModel,
-    family,
     guard_areas,
     is_inside,
 )
@@ -83,26 +82,15 @@ def fit_folder(folder: Path) -> GuardFit:
 def held_out_fits(
     tracks: Sequence[PersonTrack], measured: Sequence[PersonTrack]
 ) -> dict[str, GuardFit]:
-    """For each recording a fit to all other recordings, of the kinds that matter for it."""
-    fits = {}
+    """For each recording a fit to all other recordings."""
     names = list(by_recording(tracks))
     if len(names) < 2:
         raise InputError(
             f"expected two recordings or more to hold one out, got {len(names)}; "
-            "fit to another folder instead (fitted_to)"
+            "fit to another folder instead (fit_folder)"
         )
-    pairs = list(zip(tracks, measured, strict=True))
-    for name in names:
-        others = [pair for pair in pairs if pair[0].recording != name]
-        known = {track.kind for track, _ in others}
-        kinds: set[str] = set()
-        for want in {track.kind for track in tracks if track.recording == name}:
-            kinds |= known & set(family(want)) or known
-        chosen = [pair for pair in others if pair[0].kind in kinds]
-        fits[name] = fit_guard(
-            [track for track, _ in chosen], [seen for _, seen in chosen], inside=INSIDE
-        )
-    return fits
+    rows = GuardRows.of(tracks, measured)
+    return {name: fit_rows(rows.without(name), inside=INSIDE) for name in names}
 
 
 def _scores(

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from workbench.estimation.lanes import Array
-from workbench.estimation.localisation import Flags, Localiser
+from workbench.estimation.localisation import Car, Flags, Localiser
 from workbench.estimation.localisation_sets import Shape
 from workbench.estimation.localisation_states import STATES, VEHICLE_STATES
 from workbench.estimation.localisation_world import Drive
@@ -53,27 +53,48 @@ class NeesRow:
 
 def estimated(localiser: Localiser, drive: Drive) -> Run:
     """Feed a drive to the filter, message by message, and note what it said after each report."""
-    cars = drive.truth.shape[1]
-    known = localiser.begin(at_s=float(drive.times_s[0]), cars=cars)
-    errors, covariances, aligned = [], [], []
-    for k, time in enumerate(drive.times_s):
-        known = localiser.reported(
-            known, at_s=float(time), speed_mps=drive.speed_mps[k],
-            steering_rad=drive.steering_rad[k], commands=drive.commands[k],
-        )  # fmt: skip
-        for beacon in range(drive.ranges_m.shape[2]):
-            ranges = drive.ranges_m[k, :, beacon]
-            received = np.isfinite(ranges)
-            if received.any():
-                known = localiser.ranged(
-                    known, at_s=float(time), beacon=beacon, range_m=ranges, received=received
-                )
-        error = known.belief.mean - drive.truth[k]
-        error[:, _HEADING] -= math.tau * np.round(error[:, _HEADING] / math.tau)
-        errors.append(error)
-        covariances.append(known.belief.covariance)
-        aligned.append(known.aligned)
-    return Run(drive.times_s, np.stack(errors), np.stack(covariances), np.stack(aligned))
+    # A beacon whose range reached somebody was due for everybody.
+    due = (np.isfinite(drive.ranges_m).sum(axis=1) > 0).tolist()
+    beacons = {k: [b for b, sent in enumerate(row) if sent] for k, row in enumerate(due)}
+    asked = {k: sent for k, sent in beacons.items() if sent}
+    cars = range(drive.truth.shape[1])
+    found = [_estimated_car(localiser, drive, car, asked) for car in cars]
+    means, covariances, aligned = (np.stack(part, axis=1) for part in zip(*found, strict=True))
+    errors = means - drive.truth
+    errors[:, :, _HEADING] -= math.tau * np.round(errors[:, :, _HEADING] / math.tau)
+    unknown = np.where(aligned[:, :, None, None], covariances, np.eye(len(STATES)))
+    return Run(drive.times_s, errors, unknown, aligned)
+
+
+def _estimated_car(
+    localiser: Localiser, drive: Drive, n: int, asked: Mapping[int, Sequence[int]]
+) -> tuple[Array, Array, Flags]:
+    """Means (K, 7), covariances (K, 7, 7) and whether they are known (K), of one car.
+
+    asked: by instant, the beacons whose ranges were due.
+    """
+    times = drive.times_s.tolist()
+    reports = zip(
+        times, drive.speed_mps[:, n].tolist(), drive.steering_rad[:, n].tolist(),
+        drive.commands[:, n].tolist(), strict=True,
+    )  # fmt: skip
+    ranges = dict(zip(asked, drive.ranges_m[list(asked), n].tolist(), strict=True))
+    car, aligned = Car(localiser.site, localiser.steps, at_s=times[0]), []
+    means, covariances = bytearray(), bytearray()
+    for k, (at_s, speed, steering, (push, turn)) in enumerate(reports):
+        car.reported(at_s=at_s, speed_mps=speed, steering_rad=steering, commands=(push, turn))
+        for beacon in asked.get(k, ()):
+            came = ranges[k][beacon]
+            car.ranged(at_s=at_s, beacon=beacon, range_m=came if math.isfinite(came) else None)
+        means += car.mean
+        covariances += car.covariance
+        aligned.append(car.aligned)
+    size = len(STATES)
+    return (
+        np.frombuffer(means).reshape(-1, size),
+        np.frombuffer(covariances).reshape(-1, size, size),
+        np.array(aligned),
+    )
 
 
 def nees_row(run: Run, moment: str, instants: Array, *, certainty: float) -> NeesRow:

@@ -12,10 +12,12 @@ from scipy import stats
 
 from workbench.errors import InputError
 from workbench.estimation.localisation import Localisation, Localiser, Status
-from workbench.estimation.localisation_states import STATES, VEHICLE_STATES
-from workbench.runtime.arc import Interval
-from workbench.runtime.protocols.localisation import Localised
+from workbench.estimation.localisation_states import VEHICLE_STATES
+from workbench.runtime.localiser.sets import InitialSet, initial_set, localised
 
+__all__ = [
+    "LEVELS", "EllipsoidHull", "InitialSet", "Shape", "UnionBound", "initial_sets", "localised"
+]  # fmt: skip
 LEVELS: Final = (0.9, 0.99, 0.999)
 """Joint confidences of the three nested sets."""
 
@@ -53,33 +55,6 @@ class UnionBound:
         return float(stats.norm.isf(0.5 * (1.0 - level) / count))
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class InitialSet:
-    """Intervals that jointly hold the middle of the rear axle (m), heading, steering (rad) and
-    speed (m/s) at stamp_s with probability >= level; age_s: how long ago that was.
-
-    The names are those of `Observation`.
-    """
-
-    level: float
-    stamp_s: float
-    age_s: float
-    x: Interval
-    y: Interval
-    heading: Interval
-    steering: Interval
-    speed: Interval
-
-    def contains(self, other: InitialSet) -> bool:
-        """Does it hold every state that the other one holds?"""
-        return all(
-            getattr(self, name)[0] <= getattr(other, name)[0]
-            and getattr(other, name)[1] <= getattr(self, name)[1]
-            for name in STATES[:VEHICLE_STATES]
-        )
-
-
 def initial_sets(
     localiser: Localiser, known: Localisation, *, now_s: float, levels: Sequence[float],
     shape: Shape, car: int = 0,
@@ -97,44 +72,15 @@ def initial_sets(
         a >= b for a, b in itertools.pairwise(levels)
     ):  # fmt: skip
         raise InputError(f"levels: expected rising confidences in (0, 1), got {levels!r}")
-    if not now_s >= known.stamp_s:
-        raise InputError(
-            f"now_s: expected an instant of the estimate's clock, not before its stamp "
-            f"{known.stamp_s!r}, got {now_s!r}"
-        )
     status = localiser.status(known, car, now_s=now_s)
     if status is not Status.VALID:
         return status
-    mean = known.belief.mean[car]
-    variances = known.belief.covariance[car].diagonal()
-    deviations = [math.sqrt(variances[k]) for k in range(VEHICLE_STATES)]
-    found = []
-    for level in levels:
-        wide = shape.deviations(level, VEHICLE_STATES)
-        sides = {
-            name: _around(float(mean[k]), wide * deviations[k])
-            for k, name in enumerate(STATES[:VEHICLE_STATES])
-        }
-        found.append(InitialSet(level, known.stamp_s, now_s - known.stamp_s, **sides))
-    return tuple(found)
-
-
-def localised(found: InitialSet, *, number: int) -> Localised:
-    """The set as the vehicle's bus carries it, without steering, which the car itself reports."""
-    parts = {name: _middle(getattr(found, name)) for name in ("x", "y", "heading", "speed")}
-    return Localised(
-        number=number, stamp_s=found.stamp_s, x_m=parts["x"][0], y_m=parts["y"][0],
-        heading_rad=parts["heading"][0], speed_mps=parts["speed"][0],
-        x_radius_m=parts["x"][1], y_radius_m=parts["y"][1],
-        heading_radius_rad=parts["heading"][1], speed_radius_mps=parts["speed"][1],
-    )  # fmt: skip
-
-
-def _around(middle: float, radius: float) -> Interval:
-    return math.nextafter(middle - radius, -math.inf), math.nextafter(middle + radius, math.inf)
-
-
-def _middle(side: Interval) -> tuple[float, float]:
-    """Middle and a radius that reaches both ends."""
-    middle = 0.5 * (side[0] + side[1])
-    return middle, math.nextafter(max(middle - side[0], side[1] - middle), math.inf)
+    found = [
+        initial_set(
+            known.cars[car], now_s=now_s, level=level,
+            deviations=shape.deviations(level, VEHICLE_STATES),
+        )
+        for level in levels
+    ]  # fmt: skip
+    sets = tuple(each for each in found if each is not None)
+    return sets if len(sets) == len(found) else Status.LOST

@@ -1,14 +1,11 @@
-"""How an estimate begins: the place of a standing antenna, and every heading it may have."""
+"""How an estimate begins and ends its search: a standing antenna's place, a joined heading."""
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import casadi as ca
-import numpy as np
 
-from workbench.estimation.lanes import Array
 from workbench.estimation.localisation_site import Site
 from workbench.estimation.localisation_states import HYPOTHESES, STATES, WINDOW
 
@@ -17,8 +14,6 @@ _HEADING: Final = STATES.index("heading")
 _LOCATING_STEPS: Final = 24
 _FINAL_STEPS: Final = 4
 _WIDEST_M: Final = 10.0
-# Of a hypothesis' heading, over the spacing to the next: side by side they are all but uniform.
-_OVERLAP: Final = 0.6
 
 
 def locate_function(site: Site) -> ca.Function:
@@ -100,28 +95,3 @@ def collapse_function() -> ca.Function:
         spread = add(spread, block, offs[:, k], shares[k])
     return ca.Function("wb_loc_collapse", [given, spreads, scores], [mean, spread],
                        ["means", "covariances", "logs"], ["m", "P"])  # fmt: skip
-
-
-def spread_headings(site: Site, place: Array, covariance: Array) -> tuple[Array, Array]:
-    """Means and covariances of every heading's hypothesis, for antennas at `place` (n, 2)."""
-    n, antenna, reports = len(place), site.antenna, site.reports
-    headings = np.arange(HYPOTHESES) * (math.tau / HYPOTHESES)
-    lever = np.array([[antenna.forward_m, -antenna.left_m],
-                      [antenna.left_m, antenna.forward_m]])  # fmt: skip
-    # Columns of cosine and sine: the axle is behind the antenna by `lever` turned.
-    behind = np.stack([np.cos(headings), np.sin(headings)], axis=1) @ lever.T
-    across = np.stack([-np.sin(headings), np.cos(headings)], axis=1) @ lever.T
-    mean = np.zeros((n, HYPOTHESES, _SIZE))
-    mean[:, :, :2] = place[:, None, :] - behind
-    mean[:, :, _HEADING] = headings
-    spread = np.zeros((n, HYPOTHESES, _SIZE, _SIZE))
-    turned = np.zeros((HYPOTHESES, _SIZE))
-    turned[:, :2], turned[:, _HEADING] = -across, 1.0
-    width2 = (_OVERLAP * math.tau / HYPOTHESES) ** 2
-    spread[:] = width2 * turned[:, :, None] * turned[:, None, :]
-    spread[:, :, :2, :2] += covariance[:, None]
-    zero2 = reports.steering_zero_rad**2
-    for k, variance in ((3, site.motion.standing_mps**2), (4, math.pi**2 / 4),
-                        (5, reports.speed_scale**2), (6, zero2)):  # fmt: skip
-        spread[:, :, k, k] = variance
-    return mean.reshape(-1, _SIZE), spread.reshape(-1, _SIZE, _SIZE)

@@ -280,4 +280,6 @@ def _contradiction(reason: str, by_width: Interval, by_contact: Interval | None)
 
 
 def _said(ahead_m: Interval) -> str:
+    if ahead_m[1] == math.inf:
+        return f"{ahead_m[0]:.2f} m or more"
     return f"{ahead_m[0]:.2f} m to {ahead_m[1]:.2f} m"

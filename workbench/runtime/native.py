@@ -27,27 +27,28 @@ _ELF_MACHINES = {
 }
 
 
-def check_machine(library: bytes, *, built_for: str, here: str) -> None:
+def check_machine(
+    library: bytes, *, built_for: str, here: str, name: str = "kernel.so", mend: str = _REBUILD
+) -> None:
     """Refuse a library that is not a little-endian ELF shared object of the machine `here`.
 
-    built_for: the machine the manifest names. Raises InputError that names both machines.
+    built_for: the machine the manifest names; name, mend: the library's file and how it is made
+    anew. Raises InputError that names both machines.
     """
     if built_for != here:
-        raise InputError(
-            f"the bundle was built for {built_for}, this machine is {here}: {_REBUILD}"
-        )
+        raise InputError(f"the bundle was built for {built_for}, this machine is {here}: {mend}")
     if here not in _ELF_MACHINES:
         raise InputError(f"this machine is {here}; bundles run on one of {sorted(_ELF_MACHINES)}")
     if len(library) < 20 or library[:4] != b"\x7fELF" or library[5] != 1:
-        raise InputError(f"kernel.so is not a little-endian ELF library: {_REBUILD}")
+        raise InputError(f"{name} is not a little-endian ELF library: {mend}")
     kind, machine = struct.unpack_from("<HH", library, 16)
     if kind != _ELF_SHARED_OBJECT or (machine, library[4]) != _ELF_MACHINES[here]:
         found = {code: name for name, code in _ELF_MACHINES.items()}.get(
             (machine, library[4]), f"machine {machine}, class {library[4]}"
         )
         raise InputError(
-            f"the manifest says {built_for}, but the ELF header of kernel.so says {found} "
-            f"(type {kind}, a shared object is {_ELF_SHARED_OBJECT}): {_REBUILD}"
+            f"the manifest says {built_for}, but the ELF header of {name} says {found} "
+            f"(type {kind}, a shared object is {_ELF_SHARED_OBJECT}): {mend}"
         )
 
 
@@ -62,7 +63,7 @@ class NativeKernel:
 
     def __init__(self, library: bytes, kernel: Kernel) -> None:
         _require_float_mode("before kernel.so was loaded")
-        handle = _load(library)
+        handle = load_library(library, name="kernel.so", mend=_REBUILD)
         _require_float_mode("after kernel.so was loaded; its flags or its start-up code are wrong")
         for name in ("query_size", "result_size", "work_size"):
             _check_size(handle, f"wb_{name}", getattr(kernel, name))
@@ -113,11 +114,12 @@ def _check_size(handle: ctypes.CDLL, name: str, expected: int) -> None:
         )
 
 
-def _load(library: bytes) -> ctypes.CDLL:
+def load_library(library: bytes, *, name: str, mend: str) -> ctypes.CDLL:
+    """A shared object from its bytes; name, mend: for the InputError where it cannot be loaded."""
     try:
         return _load_memfd(library) if hasattr(os, "memfd_create") else _load_file(library)
     except OSError as error:
-        raise InputError(f"kernel.so cannot be loaded ({error}): {_REBUILD}") from error
+        raise InputError(f"{name} cannot be loaded ({error}): {mend}") from error
 
 
 def _load_memfd(library: bytes) -> ctypes.CDLL:

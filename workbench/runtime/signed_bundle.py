@@ -26,7 +26,7 @@ def load_signed_bundle(folder: Path, public_key: Path) -> Bundle:
     another `public_key`, decides what loads.
     Raises InputError that names the file at fault, what was expected and what came.
     """
-    _require_apart(public_key, folder)
+    require_apart(public_key, folder)
     key = read_public_key(public_key)
     if not os.path.isdir(folder):
         raise InputError(f"{folder}: expected a bundle folder, found none; see `workbench build`")
@@ -52,7 +52,8 @@ def signed_bundle_of(files: Mapping[str, bytes], *, key: PublicKey, folder: Path
     return bundle_of(files, folder)
 
 
-def _require_apart(public_key: Path, folder: Path) -> None:
+def require_apart(public_key: Path, folder: Path) -> None:
+    """Raise InputError where the key lies in the folder that it is to be held against."""
     inside = Path(os.path.realpath(folder))
     if Path(os.path.realpath(public_key)).is_relative_to(inside):
         raise InputError(

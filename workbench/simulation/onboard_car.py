@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple, final
 
@@ -11,11 +11,14 @@ from workbench.runtime.onboard.onboard_settings import OnboardSettings
 from workbench.runtime.path import PathTable
 from workbench.runtime.protocols import (
     Localised,
+    PeopleSeen,
     PersonKind,
     Refusal,
     SentPerson,
+    Way,
     decode,
     encode,
+    intent_frames,
     load_protocol,
     localisation_frames,
     people_frames,
@@ -36,6 +39,8 @@ _SPACING_M: Final = 0.5
 # Radii that are sent; the measured values are those of the car.
 _PLACE_M, _HEADING_RAD, _SPEED_MPS = 0.1, 0.02, 0.1
 _BODY_M, _ERROR_M, _VELOCITY_MPS = 0.3, 0.2, 0.1
+_KNOT_S, _KNOTS = 0.5, 12
+_ASIDE_M: Final = 0.3
 _BUILD_UP_S: Final = 0.08
 _WHEEL_RADPS: Final = 6.0
 
@@ -77,6 +82,21 @@ class Crowd:
         found = [self._person(k, at_us) for k in range(first, last + 1)]
         return [each for each in found if math.hypot(each.x_m - x_m, each.y_m) <= radius_m]
 
+    def ways(self, people: Sequence[SentPerson], at_us: int) -> dict[int, list[Way]]:
+        """What they may want, by track, from an instant on: to go on as they will, and, of those
+        who cross, to stop where they are; _ASIDE_M holds what lies beside the line between two
+        knots, and how far they go before they stand."""
+        found = {}
+        for person in people:
+            k = round(person.x_m / self.every_m)
+            knots = [self._person(k, at_us + round(_KNOT_S * 1e6) * j) for j in range(_KNOTS)]
+            wanted = [knots] if k % self.crossing else [knots, knots[:1] * _KNOTS]
+            found[person.track] = [
+                tuple((at.x_m, at.y_m, _BODY_M + _ERROR_M + _ASIDE_M) for at in way)
+                for way in wanted
+            ]
+        return found
+
     def _person(self, k: int, at_us: int) -> SentPerson:
         y_m, speed_mps = self.aside_m * (1 - 2 * (k % 2)), 0.0
         if k % self.crossing == 0:
@@ -96,7 +116,8 @@ class OnboardCar:
 
     The pedals do what the middle of the vehicle's maps says and come up within 80 ms, the wheel
     turns at the rate it is told, everything at once: what is measured with it are times and memory,
-    not proofs. Reports come at 30 Hz, localisation at 3 Hz, people at 5 Hz.
+    not proofs. Reports come at 30 Hz, localisation at 3 Hz, people at 5 Hz. sends_ways: what people
+    may want comes after them.
     """
 
     settings: OnboardSettings
@@ -105,6 +126,7 @@ class OnboardCar:
     y_m: float = 0.0
     heading: float = 0.0
     watched_m: float = 20.0
+    sends_ways: bool = False
     speed_mps: float = 0.0
     wheel_rad: float = 0.0
     accel: float = 0.0
@@ -177,15 +199,24 @@ class OnboardCar:
         stamp_s = (measured_us + _CLOCK_US) / 1e6
         if name == "place":
             frames = localisation_frames(self._localised(stamp_s))
-        else:
-            frames = people_frames(
-                self.crowd.around(self.x_m, self.watched_m + 1.0, measured_us),
-                number=self._due_us[name] // PEOPLE_US % 256,
-                stamp_s=stamp_s,
-                watched_radius_m=self.watched_m,
-            )
+            assert not isinstance(frames, Refusal), frames
+            return list(frames)
+        number = self._due_us[name] // PEOPLE_US % 256
+        people = self.crowd.around(self.x_m, self.watched_m + 1.0, measured_us)
+        return self._people(PeopleSeen(number, stamp_s, self.watched_m, tuple(people)))
+
+    def _people(self, seen: PeopleSeen) -> list[tuple[int, bytes]]:
+        frames = people_frames(
+            seen.people, number=seen.number, stamp_s=seen.stamp_s,
+            watched_radius_m=seen.watched_radius_m,
+        )  # fmt: skip
         assert not isinstance(frames, Refusal), frames
-        return list(frames)
+        if not self.sends_ways:
+            return list(frames)
+        ways = self.crowd.ways(seen.people, round(seen.stamp_s * 1e6) - _CLOCK_US)
+        sent = intent_frames(seen, ways, knot_period_s=_KNOT_S)
+        assert not isinstance(sent, Refusal), sent
+        return [*frames, *sent.frames]
 
     def _localised(self, stamp_s: float) -> Localised:
         back_m = self.speed_mps * _SENSOR_DELAY_US / 1e6

@@ -13,6 +13,8 @@ from workbench.runtime.onboard.sensor_bounds import PersonBounds, SensorBounds
 from workbench.runtime.onboard.set_streams import SetSeen
 from workbench.runtime.onboard.stamps import Instants
 from workbench.runtime.onboard.times import longest_s, seconds
+from workbench.runtime.onboard.way_tubes import NoWay, intended
+from workbench.runtime.onboard.ways import WaysSeen
 from workbench.runtime.person_guard import Disc, Guard, MotionLimits, guard_disc
 from workbench.runtime.person_tubes import FOREVER_S, PersonTube, TubeKind
 from workbench.runtime.policies.cycle import Watched
@@ -25,7 +27,12 @@ _AGE_US: Final = math.ceil(rounding("PERSON_TRACK", "AGE") * 1e6) + 1
 
 
 def observed_person(
-    sent: SentPerson, stamp_us: Instants, *, now_us: int, settings: SensorBounds
+    sent: SentPerson,
+    stamp_us: Instants,
+    *,
+    now_us: int,
+    settings: SensorBounds,
+    ways: WaysSeen | None = None,
 ) -> ObservedPerson:
     """The person with times after now_us: discs of one instant of our clock, which lies before.
 
@@ -34,8 +41,9 @@ def observed_person(
     one they are within r + u D, with a velocity within q + A D. What the frames may have moved of
     centres and radii is in r and q.
 
-    Intent: the same discs and bounds with intent_mps2 in place of A; of somebody assumed with A
-    itself, as nobody knows what they want.
+    Intent: the ways of their track, where `ways` has some that can be used (`intended`). Otherwise
+    the same discs and bounds with intent_mps2 in place of A; of somebody assumed with A itself, as
+    nobody knows what they want.
     """
     assumed = sent.kind is PersonKind.ASSUMED
     bounds = _bounds(sent.kind, settings)
@@ -57,7 +65,11 @@ def observed_person(
         limits,
     )
     change_mps2 = limits.acceleration_mps2 if assumed else bounds.intent_mps2
-    return ObservedPerson(f"{sent.track}", (_intent(guard, change_mps2),), guard, assumed=assumed)
+    tubes: tuple[PersonTube, ...] = (_intent(guard, change_mps2),)
+    if ways is not None and not assumed:
+        found = intended(ways, sent.track, guard, now_us=now_us, settings=settings)
+        tubes = tubes if isinstance(found, NoWay) else found
+    return ObservedPerson(f"{sent.track}", tubes, guard, assumed=assumed)
 
 
 def _bounds(kind: PersonKind, settings: SensorBounds) -> PersonBounds:

@@ -248,6 +248,12 @@ class Fault(enum.Enum):
         "assumption: initial set",
         "what was received cannot be put into one observation, or not on the path",
     )
+    INTENTS_LOST = _alert(
+        "assumption: intent",
+        "ways of people are sent, and the last that fitted the people are missing or older than "
+        "the people's budget of age, or somebody seen has none or has left them; who has none is "
+        "taken to go on as they do",
+    )
     INTERNAL = _latch("exception", "anything raised where nothing should")
 
     @property
@@ -276,25 +282,17 @@ class Found:
 
 
 NOT_ON_BOARD: Final = (
-    (
-        "crash / kill -9",
-        "nothing: the frames stop, and after the vehicle's own time-out by-wire control is "
-        "disabled; the car is not braked",
-    ),
-    (
-        "hang (GIL, SIGSTOP)",
-        "nothing while it lasts, as after a crash; LATE_TURN answers it when it is over",
-    ),
-    (
-        "corrupted bundle",
-        "the loader refuses hash, signature, symbols or golden vectors; the program ends before "
-        "it opens the bus",
-    ),
-    (
-        "replay",
-        "of PACMod 2 reports with plausible values at their usual rate: its frames have neither "
-        "counter nor checksum; WRONG_SPEED, WRONG_TURN, FROZEN, NOT_FOLLOWING and WEAK_BRAKE "
-        "catch those that contradict physics",
-    ),
-)
+    ("crash / kill -9",
+     "nothing: the frames stop, and after the vehicle's own time-out by-wire control is disabled; "
+     "the car is not braked"),
+    ("hang (GIL, SIGSTOP)",
+     "nothing while it lasts, as after a crash; LATE_TURN answers it when it is over"),
+    ("corrupted bundle",
+     "the loader refuses hash, signature, symbols or golden vectors; the program ends before it "
+     "opens the bus"),
+    ("replay",
+     "of PACMod 2 reports with plausible values at their usual rate: its frames have neither "
+     "counter nor checksum; WRONG_SPEED, WRONG_TURN, FROZEN, NOT_FOLLOWING and WEAK_BRAKE catch "
+     "those that contradict physics"),
+)  # fmt: skip
 """Rows of the fault list, or parts of them, that no code on board can answer, and what happens."""

@@ -13,6 +13,7 @@ from workbench.runtime.onboard.counting import NEVER, Count, FrameRate
 from workbench.runtime.onboard.report_names import report_names
 from workbench.runtime.onboard.set_streams import SetCounts, SetSeen, SetStream
 from workbench.runtime.onboard.stamps import StampBounds
+from workbench.runtime.onboard.ways import WayStream
 from workbench.runtime.protocols import (
     PROTOCOLS,
     Decoded,
@@ -80,12 +81,13 @@ class Intake:
 
     reports: last accepted frame by message, of the vehicle; a frame whose counter does not move on
     is dropped. commands: the same of identifiers that only we send. localisation, people: the last
-    whole set, however old, or why there is none: nothing whole yet, or, of people, that the
-    newest set says that they cannot be judged. refusals, last_refusal: by message; accepted frames
-    end a row. counter_faults: reports dropped for their counter. spoofed: identifiers of our own
-    frames, and of our commands, from outside. foreign: reports of another protocol, by its name.
-    unknown: identifiers that nobody defines; backwards: frames dropped because their instant lies
-    before the last one. frames, arrivals: how often frames come, all and by message.
+    whole set, however old, or why there is none: nothing whole yet, or, of people, that the newest
+    set says that they cannot be judged. ways: those that people may take. refusals, last_refusal:
+    by message; accepted frames end a row. counter_faults: reports dropped for their counter.
+    spoofed: identifiers of our own frames, and of our commands, from outside. foreign: reports of
+    another protocol, by its name. unknown: identifiers that nobody defines; backwards: frames
+    dropped because their instant lies before the last one. frames, arrivals: how often frames come,
+    all and by message.
     """
 
     def __init__(self, vehicle: Protocol, own: Protocol, *, stamps: StampBounds) -> None:
@@ -101,6 +103,7 @@ class Intake:
         self._stamps = stamps
         self._localisation: SetStream[Localised] = SetStream(LocalisationSet(), stamps)
         self._people: SetStream[PeopleSeen] = SetStream(PersonSet(), stamps)
+        self.ways = WayStream()
         places = (self.names.speed, self.names.steering.output, self.names.yaw_rate)
         self._sampled = {place.message: place for place in places if place is not None}
         self.samples = {name: deque[Sample](maxlen=MOST_SAMPLES) for name in self._sampled}
@@ -166,6 +169,7 @@ class Intake:
         started again needs; for a person to ask for, with the car at standstill."""
         self._localisation = SetStream(LocalisationSet(), self._stamps)
         self._people = SetStream(PersonSet(), self._stamps)
+        self.ways = WayStream()
 
     def bus_error(self, kind: BusError, at_us: int) -> None:
         """An error instead of a frame."""
@@ -187,6 +191,7 @@ class Intake:
         elif protocol is self.own:
             self._localisation.take(frame, at_us)
             self._people.take(frame, at_us)
+            self.ways.take(frame, at_us, self.people)
         elif isinstance(frame, Decoded):
             self._reported(message, frame, data, at_us)
 

@@ -26,6 +26,7 @@ from workbench.runtime.onboard.readings import (
 )
 from workbench.runtime.onboard.sensor_bounds import SensorBounds
 from workbench.runtime.onboard.times import LATEST_US, seconds
+from workbench.runtime.onboard.way_tubes import recent_ways
 
 __all__ = ["Integrals", "NotObserved", "Unobserved", "observe"]
 
@@ -54,9 +55,10 @@ def observe(
     Times are all of our own clock: skew_s is 0, and how uncertain the people's clock is widens
     their discs.
 
-    Intent is not estimated here: whoever was seen is taken to go on as they do, with a change of
-    velocity of up to intent_mps2, an assumption of `LookAhead` and of nothing else. Whoever is only
-    assumed may intend all that they can do.
+    Intent is not estimated here: whoever was seen is taken to go the ways that were sent of them
+    (`way_tubes`), and, where none can be used, on as they do, with a change of velocity of up to
+    intent_mps2. Either is an assumption of `LookAhead` and of nothing else. Whoever is only assumed
+    may intend all that they can do.
     """
     try:
         return _observed(intake, now_us, integrals, settings)
@@ -79,6 +81,7 @@ def _observed(
     way = way_m(driven.speed, from_us=people.stamp_us[0], until_us=now_us)
     if pose is None or way is None:
         raise NotObservedError(Unobserved.CONTRADICTION, "since the last sets were stamped")
+    ways = recent_ways(intake.ways.seen, now_us, settings)
     return Observation(
         x=pose.x,
         y=pose.y,
@@ -89,7 +92,7 @@ def _observed(
         offset_integral=integrals.offset,
         reference_speed_mps=integrals.reference_speed_mps,
         people=tuple(
-            observed_person(sent, people.stamp_us, now_us=now_us, settings=settings)
+            observed_person(sent, people.stamp_us, now_us=now_us, settings=settings, ways=ways)
             for sent in people.value.people
         ),
         stamp_s=seconds(now_us),

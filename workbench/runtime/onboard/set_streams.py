@@ -111,7 +111,7 @@ class SetStream(Generic[Value]):
                 duplicates=self.counts.duplicates.more(at_us),
                 strikes=self.counts.strikes.with_one(Strike.DUPLICATE, at_us),
             )
-        fault = _fault_between(before, after)
+        fault = fault_between(before, after)
         if fault is not None:
             self.counts = _faulted(self.counts, fault, at_us)
         if after.completed > before.completed:
@@ -139,7 +139,7 @@ class SetStream(Generic[Value]):
             self.history.append(seen)
 
 
-def _fault_between(before: FrameSet, after: FrameSet) -> SetFault | None:
+def fault_between(before: FrameSet, after: FrameSet) -> SetFault | None:
     """What the last frame broke; a header that comes while a set is open loses that one."""
     outcome = after.outcome
     broken = isinstance(outcome, NoSet) and outcome is not before.outcome

@@ -13,6 +13,7 @@ from workbench.runtime.onboard.counting import NEVER, Count
 from workbench.runtime.onboard.faults import Fault, Found
 from workbench.runtime.onboard.following import Following, reported
 from workbench.runtime.onboard.found_in_car import found_in_mode, found_in_setting, stands
+from workbench.runtime.onboard.found_in_intents import found_in_intents
 from workbench.runtime.onboard.found_on_bus import found_in_reports, found_in_sets, found_on_bus
 from workbench.runtime.onboard.gate import Upstream
 from workbench.runtime.onboard.intake import Intake
@@ -109,6 +110,7 @@ class Watch:
         pose = None if observation is None else self._projected(observation)
         where = pose if isinstance(pose, PathPose) else None
         found = [*self._found(at_us, standing), *self._unseen(seen, pose, at_us)]
+        found += found_in_intents(intake, observation, settings, at_us)
         reading = None
         if observation is not None and where is not None:
             found += self._coarse(observation, where, at_us)

@@ -10,6 +10,14 @@ from workbench.runtime.protocols.codec import (
 )
 from workbench.runtime.protocols.frame_sets import NoSet, SetFault
 from workbench.runtime.protocols.integrity import counter_step, frame_crc
+from workbench.runtime.protocols.intents import (
+    IntentSet,
+    IntentsSeen,
+    PersonWay,
+    SentIntents,
+    Way,
+    intent_frames,
+)
 from workbench.runtime.protocols.localisation import (
     LocalisationSet,
     Localised,
@@ -30,22 +38,28 @@ __all__ = [
     "CAPACITY",
     "PROTOCOLS",
     "Decoded",
+    "IntentSet",
+    "IntentsSeen",
     "LocalisationSet",
     "Localised",
     "NoSet",
     "PeopleSeen",
     "PersonKind",
     "PersonSet",
+    "PersonWay",
     "Protocol",
     "Reason",
     "Refusal",
+    "SentIntents",
     "SentPerson",
     "SetFault",
+    "Way",
     "counter_step",
     "decode",
     "decode_received",
     "encode",
     "frame_crc",
+    "intent_frames",
     "load_protocol",
     "localisation_frames",
     "people_frames",

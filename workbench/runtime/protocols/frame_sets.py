@@ -24,6 +24,7 @@ class SetFault(enum.Enum):
     REGRESSED = "the set's counter or stamp goes backwards"
     OVER_CAPACITY = "there are more people than a set can hold"
     TRACK_TWICE = "two people carry the same track number"
+    OTHER_PEOPLE = "it does not belong to the newest set of people"
 
 
 @final
@@ -43,13 +44,15 @@ class NoSet:
 class SetLayout:
     """How a set is sent: a header with SET and STAMP, then rounds of the named parts.
 
-    count: the header's signal that says how many rounds follow (none: one round, whose parts have
-    no INDEX); over: the header's flag that the set holds more than it can.
+    count: the header's signal that says how many rounds follow (none: one); index: the parts'
+    signal that counts the rounds from 0 (none: they do not say which round is theirs); over: the
+    header's flag that the set holds more than it can.
     """
 
     header: str
     parts: tuple[str, ...]
     count: str | None = None
+    index: str | None = None
     over: str | None = None
 
 
@@ -135,9 +138,10 @@ class FrameSet:
         index, kind = divmod(len(self.received) - 1, len(layout.parts))
         expected = layout.parts[kind]
         same_set = part.values["SET"] == self.received[0].values["SET"]
-        same_index = layout.count is None or part.values["INDEX"] == index
+        same_index = layout.index is None or part.values[layout.index] == index
         if part.message != expected or not same_set or not same_index:
-            detail = f"{_named(part)}, expected {expected} of {index}"
+            of = "" if layout.index is None else f" of {index}"
+            detail = f"{_named(part)}, expected {expected}{of}"
             return self._broken(_ORDER, detail, before=part)
         return dataclasses.replace(self, before=part)._filled((*self.received, part))
 

@@ -65,9 +65,13 @@ class LocalisationSet:
         )  # fmt: skip
 
 
-def localisation_frames(localised: Localised) -> tuple[tuple[int, bytes], ...] | Refusal:
-    """The frames (identifier, bytes) of one localisation in their order, or why it cannot be
-    sent."""
+def localisation_frames(
+    localised: Localised, *, heading_observed: bool = True
+) -> tuple[tuple[int, bytes], ...] | Refusal:
+    """The frames (identifier, bytes) of one localisation in their order, or why it cannot be sent.
+
+    heading_observed: False says that the heading is not known; nobody takes such a set for one.
+    """
     v, place = localised, {"SET": localised.number}
     return encoded_frames(
         [
@@ -84,7 +88,12 @@ def localisation_frames(localised: Localised) -> tuple[tuple[int, bytes], ...] |
             ),
             (
                 "LOC_RADII",
-                place | {"X_RADIUS": v.x_radius_m, "Y_RADIUS": v.y_radius_m, "HEADING_OBSERVED": 1},
+                place
+                | {
+                    "X_RADIUS": v.x_radius_m,
+                    "Y_RADIUS": v.y_radius_m,
+                    "HEADING_OBSERVED": int(heading_observed),
+                },
             ),
         ]
     )

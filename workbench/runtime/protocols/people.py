@@ -16,6 +16,7 @@ _LAYOUT: Final = SetLayout(
     header="PEOPLE",
     parts=("PERSON_POSITION", "PERSON_MOTION", "PERSON_TRACK"),
     count="COUNT",
+    index="INDEX",
     over="MORE",
 )
 _EMPTY: Final = FrameSet(_LAYOUT)

@@ -13,6 +13,9 @@ from typing import Any, Final, final
 from workbench.errors import InputError
 
 PROTOCOLS: Final = ("pacmod2", "pacmod3", "pacmod3_3_4", "workbench")
+RANGES: Final = "ranges"
+"""Frames of a sensor that only the localiser hears, so none of those that the monitor tells apart.
+"""
 FORMAT: Final = 1
 LARGEST_ID: Final = 0x7FF
 
@@ -139,15 +142,16 @@ def protocol_of(name: str, title: str, dbc_sha256: str, messages: Iterable[Messa
 
 @cache
 def load_protocol(name: str) -> Protocol:
-    """The protocol of that name, one of `PROTOCOLS`, from the table that is shipped beside this.
+    """The protocol of that name, of `PROTOCOLS` or `RANGES`, from the table shipped beside this.
 
     Raises InputError for another name, and for a table of another format.
 
     >>> load_protocol("pacmod2").by_id[0x6B].name
     'BRAKE_CMD'
     """
-    if name not in PROTOCOLS:
-        raise InputError(f"expected a protocol out of {', '.join(PROTOCOLS)}, got {name!r}")
+    if name not in (*PROTOCOLS, RANGES):
+        known = ", ".join((*PROTOCOLS, RANGES))
+        raise InputError(f"expected a protocol out of {known}, got {name!r}")
     text = Path(__file__).with_name(f"{name}.json").read_text(encoding="utf-8")
     return protocol_from_table(json.loads(text))
 
