@@ -174,7 +174,7 @@ def test_commands_are_sent_within_the_shorter_of_both_proofs_times() -> None:
         )
         assert settings.timing.send_gap_s == gap_s
         assert settings.drive_by_wire.turn_s == expected_s
-    with pytest.raises(InputError, match="at most timing.send_gap_s"):
+    with pytest.raises(InputError, match=r"at most timing\.send_gap_s"):
         replace(settings, timing=replace(timing, send_gap_s=most_s - 0.001))
 
 
