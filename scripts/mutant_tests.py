@@ -139,6 +139,7 @@ class Tests:
         self._early = {int(line) for line, found in by_line.items() if "" in found}
         self._lines = {int(line): self._tests(found) for line, found in by_line.items()}
         self._every = frozenset().union(*self._lines.values())
+        self._named = frozenset(t for t in self._seconds if t.partition("::")[0] in self._naming)
         self._kills: Counter[str] = Counter()
         self._trusted: set[str] = set()
         self._dropped: set[str] = set()
@@ -154,9 +155,11 @@ class Tests:
         quickest, as many as fit into the limit; and how long they take."""
         lines = range(mutant.lines[0], mutant.lines[1] + 1)
         reached = frozenset().union(*(self._lines.get(line, frozenset()) for line in lines))
+        # What import has made, a test may use without running a line of the module.
+        used = self._named if self.early(mutant) else frozenset()
         chosen: list[str] = []
         spent_s = 0.0
-        for test in sorted((reached or self._every) - self._dropped, key=self._rank):
+        for test in sorted(((reached or self._every) | used) - self._dropped, key=self._rank):
             if chosen and spent_s + self._seconds[test] > limit_s:
                 continue
             spent_s += self._seconds[test]

@@ -7,8 +7,9 @@ from fractions import Fraction
 
 import pytest
 
-from workbench.runtime.protocols import PersonKind, load_protocol
+from workbench.runtime.protocols import load_protocol
 from workbench.runtime.protocols.own_frames import worst_rounding
+from workbench.runtime.protocols.people import PersonKind
 from workbench.runtime.protocols.tables import LARGEST_ID
 
 BOUNDS = worst_rounding()

@@ -163,6 +163,24 @@ def test_numbers_and_stamps_that_do_not_move_on_are_refused_and_change_nothing()
     assert sum(mine.counts.values()) == len(wrong)
 
 
+@pytest.mark.parametrize("pause_s", [0.6, 2.0, 120.0, 830.0, 850.0, 1700.0, 3600.0])
+@pytest.mark.parametrize("silent", [128, 200, 255, 256])
+def test_after_a_pause_ranges_are_used_again(pause_s: float, silent: int) -> None:
+    """However long, and whatever number of frames without a range came in between."""
+    mine, at_us = stream(), round(1e6 * pause_s)
+    assert isinstance(mine.take(decoded(sent_at(7, 1_000)), 100_000), RangeSeen)
+    none = decoded(sent_at(8, 2_000, range_m=None))
+    assert mine.take(none, 150_000) is RangeFault.NO_RANGE
+    stamp = 1_000 + at_us // 100
+    again = mine.take(decoded(sent_at(7 + silent, stamp)), 100_000 + at_us)
+    assert isinstance(again, RangeSeen), again
+    after = sent_at(8 + silent, stamp + 100, beacon=1)
+    assert isinstance(mine.take(decoded(after), 110_000 + at_us), RangeSeen)
+    # What was recorded before the pause is still told.
+    old = mine.take(decoded(sent_at(9 + silent, 1_100)), 120_000 + at_us)
+    assert old in (RangeFault.REGRESSED, RangeFault.LATE, RangeFault.JUMPED)
+
+
 def test_a_recorded_frame_whose_counter_and_stamp_fit_is_late() -> None:
     """Held back for exactly 256 frames and with nothing lost: only its delay shows it."""
     mine = stream()

@@ -38,7 +38,7 @@ from workbench.estimation.people_estimator import (
 from workbench.estimation.people_guards import FittedGuards
 from workbench.estimation.person_intents import EveryIntent, MostLikelyIntent
 from workbench.estimation.prediction import PreferredVelocity
-from workbench.runtime import Watched
+from workbench.runtime import MotionLimits, Watched
 from workbench.runtime.person_guard import guard_disc
 from workbench.runtime.person_tubes import TrackedPerson, fault_in_person
 from workbench.runtime.policies import Relation, SeenPerson
@@ -266,6 +266,33 @@ def test_who_comes_back_after_they_left_begins_anew() -> None:
     estimator = fed(*walk("anna"), *again)
     fresh = fed(*again)
     assert estimator.at(6.2) == fresh.at(6.2)
+
+
+def limits_of(estimator: PeopleEstimator, t_s: float) -> MotionLimits:
+    return estimator.at(t_s).people[0].guard.limits
+
+
+def test_who_is_taken_for_another_kind_may_do_what_either_may() -> None:
+    """A name of one who broke the limits on foot, used again for somebody on wheels; and one track
+    that is first of a pedestrian, then of a cyclist, then of a pedestrian."""
+    limits = {
+        kind: rules.of(kind).limits for rules in [NO_GOALS.guards] for kind in ("ped", "cyclist")
+    }
+    assert limits["cyclist"].speed_mps > limits["ped"].speed_mps
+    estimator = PeopleEstimator(NO_GOALS)
+    for k, x_m in enumerate((0.0, 0.1, 0.7)):
+        estimator.measure(Sighting("a", "ped", 0.1 * k, x_m, 0.0))
+    wider = limits_of(estimator, 0.2)
+    assert limits["ped"].speed_mps < wider.speed_mps < limits["cyclist"].speed_mps
+    estimator.measure(Sighting("a", "cyclist", 9.0, 0.0, 0.0))
+    assert limits_of(estimator, 9.0).speed_mps == limits["cyclist"].speed_mps
+    assert limits_of(estimator, 9.0).acceleration_mps2 >= wider.acceleration_mps2
+    estimator = PeopleEstimator(NO_GOALS)
+    for k, kind in enumerate(("ped", "cyclist", "ped")):
+        estimator.measure(Sighting("b", kind, 0.1 * k, 0.0, 0.0))
+        wanted = limits["cyclist" if k else "ped"]
+        assert limits_of(estimator, 0.1 * k).speed_mps == wanted.speed_mps
+    assert estimator.at(0.2).violations == ()
 
 
 def test_settings_that_make_no_sense_are_refused() -> None:

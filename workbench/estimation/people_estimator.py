@@ -211,9 +211,14 @@ class PeopleEstimator:
         place = np.array([seen.x_m, seen.y_m])
         history = _history(seen, before)
         law = self._settings.guards.of(history.kind)
-        limits = self._limits.get(seen.name, law.limits)
+        limits = _widest(law.limits, self._limits.get(seen.name))
+        alike = before is not None and before.history.kind == seen.kind
+        if before is not None and not alike:
+            # Of two kinds that somebody is taken for, they may be either.
+            limits = _widest(limits, before.limits)
+            self._limits[seen.name] = limits
         guard = law.guard(history, limits)
-        earlier = () if before is None else _recent(before.guards, seen.t_s)
+        earlier = _recent(before.guards, seen.t_s) if before is not None and alike else ()
         violation = _broken(seen.name, earlier, guard)
         guards = (*earlier, guard)
         if violation is not None:
@@ -267,7 +272,17 @@ def _history(seen: Sighting, before: _Known | None) -> PersonTrack:
     old = before.history
     kept = min(int(np.searchsorted(old.t_s, seen.t_s - HISTORY_S)), len(old.t_s) - 1)
     t_s, xy_m = np.append(old.t_s[kept:], row), np.vstack([old.xy_m[kept:], place])
-    return PersonTrack("", old.agent, old.kind, t_s, xy_m)
+    return PersonTrack("", old.agent, seen.kind, t_s, xy_m)
+
+
+def _widest(limits: MotionLimits, other: MotionLimits | None) -> MotionLimits:
+    """What either allows."""
+    if other is None:
+        return limits
+    return MotionLimits(
+        max(limits.speed_mps, other.speed_mps),
+        max(limits.acceleration_mps2, other.acceleration_mps2),
+    )
 
 
 def _moved(before: _Known | None, t_s: float, place: Values, numbers: MotionNumbers) -> Estimate:

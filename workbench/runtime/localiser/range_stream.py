@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
-from typing import final
+from typing import Final, final
 
 from workbench.runtime.onboard.stamps import StampBounds, Stamps
 from workbench.runtime.protocols import Decoded, Reason, Refusal, counter_step
@@ -15,6 +15,11 @@ from workbench.runtime.protocols.ranges import (
     SentRange,
     received_range,
 )
+
+# Within this, a sender of up to 250 frames a second has not gone half round its counter.
+_COUNTED_US: Final = 500_000
+# Before its stamp has gone half round, 838 s.
+_FORGOTTEN_US: Final = 800_000_000
 
 
 class RangeFault(enum.Enum):
@@ -43,8 +48,10 @@ class RangeSeen:
 class RangeStream:
     """Takes the frames of one sender; `take` gives the range or why there is none.
 
-    A frame counts if its counter moves on, by less than half of its range, and its stamp does not
-    go back: COUNTER counts modulo 256, STAMP modulo 2^24 counts of 0.1 ms. When it was measured
+    A frame counts if its stamp does not go back, and its counter moves on, by less than half of its
+    range: COUNTER counts modulo 256, STAMP modulo 2^24 counts of 0.1 ms. Frames that say nothing
+    are not counted along, so after half a second without a range the stamp alone must move on; and
+    after 800 s, when it may have wrapped, the stream begins anew. When it was measured
     follows from its stamp, with the quickest of the last frames taken to have had the least delay
     (`Stamps`). What comes later than the most delay allows, as a recorded frame does whose counter
     and stamp happen to fit, is refused, and so is a stamp in the future. A refused frame changes
@@ -53,8 +60,9 @@ class RangeStream:
 
     def __init__(self, bounds: StampBounds, *, beacons: int) -> None:
         self._stamps, self._beacons = Stamps(bounds), beacons
-        # The last frame that was used, and its stamp as counts that do not wrap.
-        self._last: tuple[SentRange, int] | None = None
+        self._bounds = bounds
+        # The last frame that was used, its stamp as counts that do not wrap, and its arrival.
+        self._last: tuple[SentRange, int, int] | None = None
         self.counts: dict[RangeFault, int] = dict.fromkeys(RangeFault, 0)
         self.used = 0
 
@@ -74,12 +82,15 @@ class RangeStream:
         sent = received_range(frame)
         if sent.beacon >= self._beacons or sent.range_m is None:
             return RangeFault.UNKNOWN_BEACON
+        if self._last is not None and at_us - self._last[2] > _FORGOTTEN_US:
+            self._last, self._stamps = None, Stamps(self._bounds)
         counts = sent.stamp
         if self._last is not None:
-            last, before = self._last
+            last, before, last_us = self._last
             moved = counter_step(last.number, sent.number, bits=COUNTER_BITS)
             later = counter_step(last.stamp, sent.stamp, bits=STAMP_BITS)
-            if moved <= 0 or later < 0:
+            counted = moved > 0 or (later > 0 and at_us - last_us > _COUNTED_US)
+            if not counted or later < 0:
                 return RangeFault.REGRESSED if moved else RangeFault.REPEATED
             counts = before + later
         stamps, found = self._stamps.taking(counts / STAMP_COUNTS, at_us)
@@ -87,5 +98,5 @@ class RangeStream:
             return RangeFault.JUMPED
         if found.late_us:
             return RangeFault.LATE
-        self._stamps, self._last = stamps, (sent, counts)
+        self._stamps, self._last = stamps, (sent, counts, at_us)
         return RangeSeen(sent.beacon, sent.range_m, found.within_us[1])
