@@ -43,7 +43,7 @@ TESTS: Final = (
     "test_onboard_core*", "test_onboard_commands*", "test_onboard_faults", "test_onboard_found_*",
     "test_onboard_following_*", "test_onboard_gate_edges", "test_onboard_permission_edges",
     "test_onboard_watching_*",
-    "test_onboard_intake", "test_onboard_way*", "test_onboard_last_resort", "test_onboard_limits",
+    "test_onboard_intake", "test_localiser_ranges", "test_onboard_way*", "test_onboard_last_resort", "test_onboard_limits",
     "test_onboard_pid*", "test_onboard_intake_sets", "test_onboard_states*", "test_onboard_turns",
     "test_onboard_campaign_causes", "test_runtime_decisions", "test_runtime_fail_safe",
     "test_runtime_judgement", "test_runtime_monitor_*", "test_runtime_observation*",

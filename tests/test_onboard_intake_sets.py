@@ -7,6 +7,7 @@ import dataclasses
 import pytest
 from onboard_intakes import (
     INTEGRALS,
+    PLACE,
     WALKER,
     crowd_frames,
     filled,
@@ -27,7 +28,9 @@ from workbench.runtime.onboard.set_streams import SetSeen
 from workbench.runtime.onboard.times import LATEST_US
 from workbench.runtime.protocols import (
     NoSet,
+    Refusal,
     SetFault,
+    localisation_frames,
 )
 
 
@@ -56,6 +59,24 @@ def test_a_set_is_held_while_the_next_ones_fail() -> None:
     assert isinstance(newer, SetSeen)
     assert (newer.value.number, found.localisation_counts.whole) == (3, 2)
     assert found.localisation_counts.strikes.against == {}
+
+
+def test_a_sender_that_does_not_know_its_heading_is_no_broken_bus() -> None:
+    """The localiser says so again and again; the last set ages, and nothing else is found wrong."""
+    found = filled()
+    held = found.localisation
+    for k in range(2, 30):
+        place = dataclasses.replace(PLACE, number=k, stamp_s=1.0 + 0.1 * k)
+        frames = localisation_frames(place, heading_observed=False)
+        assert not isinstance(frames, Refusal)
+        give(found, list(frames), 1_000_000 + 100_000 * k)
+    counts = found.localisation_counts
+    assert found.localisation is held
+    assert counts.faults[SetFault.REFUSED].total == 28
+    assert counts.strikes.against == {}
+    (identifier, data), *_ = place_frames(31, 4.1)
+    give(found, [(identifier, bytes([data[0], data[1] ^ 1, *data[2:]]))], 4_200_000)
+    assert found.localisation_counts.strikes.against == {Strike.INTEGRITY: 1}
 
 
 def test_a_header_that_comes_early_loses_the_open_set() -> None:

@@ -50,7 +50,7 @@ def test_a_replay_with_estimated_people_says_what_was_told(
              if line]  # fmt: skip
     assert "--people intents" in page
     assert noted.partition(" of ")[0] in lines[0]["settings"]["people"]
-    fitted = "otherwise than recorded people did" in lines[0]["settings"]["guard"]
+    fitted = "as those recorded in Crowds by Example" in lines[0]["settings"]["guard"]
     assert fitted == ("fitted" in options)
     for line in lines[1:]:
         (person,) = line["people"]

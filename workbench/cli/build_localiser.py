@@ -105,6 +105,7 @@ def run(args: argparse.Namespace) -> int:
     from workbench.estimation.localisation_sets import EllipsoidHull, UnionBound
     from workbench.estimation.localisation_site import load_site
     from workbench.runtime.contents import CHECKSUM_FILE
+    from workbench.runtime.localiser.core import behind_us
     from workbench.runtime.localiser.folder import LIBRARY_FILE, load_localiser
     from workbench.runtime.localiser.numbers import Clocks
     from workbench.runtime.signature import SIGNATURE_FILE
@@ -127,16 +128,20 @@ def run(args: argparse.Namespace) -> int:
     numbers = load_localiser(folder, public_key=None).numbers
     size = len(files[LIBRARY_FILE])
     signed = "unsigned" if seed is None else "signed"
+    behind = behind_us(numbers.clocks)
     text = (
         f"localiser for {numbers.vehicle.name} among {len(numbers.site.beacons)} beacons: sets of "
         f"{100 * numbers.level:g} %, {numbers.shape}, {size / 1024:.0f} kB for {numbers.machine}, "
-        f"{len(numbers.golden)} recorded calls repeated bit for bit, {signed}\n{folder}"
+        f"{len(numbers.golden)} recorded calls repeated bit for bit, {signed}\n"
+        f"its sets come {behind[0] / 1e3:g} to {behind[1] / 1e3:g} ms after their stamp: [clocks] "
+        f"delay_us of the monitor's sensors file must hold {list(behind)}, and nothing on board "
+        f"notices if it does not\n{folder}"
     )
     emit(args, text, {
         "folder": str(folder), "vehicle": numbers.vehicle.name,
         "protocol": numbers.vehicle.protocol, "beacons": [b.name for b in numbers.site.beacons],
         "level": numbers.level, "shape": numbers.shape, "machine": numbers.machine,
-        "library_bytes": size, "signed": seed is not None,
+        "library_bytes": size, "signed": seed is not None, "behind_us": list(behind),
     })  # fmt: skip
     return 0
 

@@ -171,7 +171,8 @@ def _guards(args: argparse.Namespace, settings: ReplaySettings) -> tuple[Guards,
 
     if args.guard == "fitted":
         return FittedGuards(shipped_guards()), (
-            "nobody to move otherwise than recorded people did (fitted guards, held to no less "
-            "than the bundle's limits)"
+            "people on foot to move as those recorded in Crowds by Example (2007) did, and people "
+            "on wheels as is assumed of them (shipped guards, held to no less than the bundle's "
+            "limits)"
         )
     return settings.people.guards(settings.limits), limits_note(settings.people, settings.limits)

@@ -18,7 +18,8 @@ def forwarded_frames(
 
     forwarded: by track number, the most important person first, all for the instant of the set's
     stamp and in the frame of its places, until 7.5 s at most, as a way has 16 knots; body_m: how
-    far a body reaches from the person's position. Raises InputError unless the times of all are
+    far a body reaches from the person's position, the largest of all kinds there, and what the
+    measured position may be wrong by. Raises InputError unless the times of all are
     multiples of one period.
     """
     every = [each for found in forwarded.values() for each in found.waypoints]

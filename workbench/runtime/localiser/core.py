@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Final, final
 
 from workbench.runtime.localiser.car import Car, Status
-from workbench.runtime.localiser.numbers import Numbers
+from workbench.runtime.localiser.numbers import Clocks, Numbers
 from workbench.runtime.localiser.range_stream import RangeSeen, RangeStream
 from workbench.runtime.localiser.sets import initial_set, localised, possible_set
 from workbench.runtime.localiser.steps import Steps
@@ -22,7 +22,7 @@ from workbench.runtime.onboard.intake import BusError
 from workbench.runtime.onboard.loop import LONGEST_WAIT_US
 from workbench.runtime.onboard.report_names import report_names
 from workbench.runtime.onboard.states import Request, State
-from workbench.runtime.onboard.times import TURN_US, seconds
+from workbench.runtime.onboard.times import SEND_US, TURN_US, seconds
 from workbench.runtime.onboard.turns import TurnResult
 from workbench.runtime.protocols import Refusal, decode, load_protocol, localisation_frames
 from workbench.runtime.protocols.ranges import ranges_protocol
@@ -80,6 +80,13 @@ class _Message:
 _SPEED, _STEERING = -1, -2
 
 
+def behind_us(clocks: Clocks) -> tuple[int, int]:
+    """Least and most from a set's stamp until its last frame is on the bus: messages wait until
+    none that is older can come, and the loop sends within SEND_US and a gap."""
+    settle_us = max(clocks.stamps(LONGEST_WAIT_US).delay_us[1], clocks.report_delay_us)
+    return settle_us, settle_us + SEND_US + 1_000
+
+
 @final
 class LocaliserCore:
     """Everything between frames and frames; instants are of the receiver's monotonic clock, us.
@@ -101,7 +108,7 @@ class LocaliserCore:
             names.steering.output.message: (names.steering.output.signal, _STEERING),
         }
         bounds = numbers.clocks.stamps(LONGEST_WAIT_US)
-        self._settle_us = max(bounds.delay_us[1], numbers.clocks.report_delay_us)
+        self._settle_us, _ = behind_us(numbers.clocks)
         self.ranges = RangeStream(bounds, beacons=len(numbers.site.beacons))
         self._waiting: list[_Message] = []
         self._arrived = 0

@@ -10,7 +10,7 @@ from typing import Final, Generic, Protocol, TypeVar, final
 
 from workbench.runtime.onboard.counting import NEVER, NO_STRIKES, Count, Strike, Strikes
 from workbench.runtime.onboard.stamps import Instants, StampBounds, Stamps
-from workbench.runtime.protocols import Decoded, NoSet, Refusal, SetFault
+from workbench.runtime.protocols import Decoded, NoSet, Reason, Refusal, SetFault
 from workbench.runtime.protocols.frame_sets import FrameSet
 
 MOST_SETS: Final = 8
@@ -113,7 +113,9 @@ class SetStream(Generic[Value]):
             )
         fault = fault_between(before, after)
         if fault is not None:
-            self.counts = _faulted(self.counts, fault, at_us)
+            # A sender that says it does not know is whole: its last set ages, and that is told.
+            honest = isinstance(frame, Refusal) and frame.reason is Reason.SAID_INVALID
+            self.counts = _faulted(self.counts, fault, at_us, strikes=not honest)
         if after.completed > before.completed:
             self._complete(at_us)
         elif isinstance(after.outcome, NoSet) and after.outcome.fault in _UNUSABLE:
@@ -122,7 +124,7 @@ class SetStream(Generic[Value]):
     def _complete(self, at_us: int) -> None:
         outcome = self._collected.outcome
         if isinstance(outcome, NoSet):
-            self.counts = _faulted(self.counts, outcome.fault, at_us)
+            self.counts = _faulted(self.counts, outcome.fault, at_us, strikes=True)
             self.seen = outcome
             return
         self._stamps, found = self._stamps.taking(outcome.stamp_s, self._first_us)
@@ -148,8 +150,8 @@ def fault_between(before: FrameSet, after: FrameSet) -> SetFault | None:
     return SetFault.OUT_OF_ORDER if after.lost > before.lost else None
 
 
-def _faulted(counts: SetCounts, fault: SetFault, at_us: int) -> SetCounts:
-    strike = _STRIKES.get(fault)
+def _faulted(counts: SetCounts, fault: SetFault, at_us: int, *, strikes: bool) -> SetCounts:
+    strike = _STRIKES.get(fault) if strikes else None
     return dataclasses.replace(
         counts,
         faults={**counts.faults, fault: counts.faults.get(fault, NEVER).more(at_us)},

@@ -47,8 +47,9 @@ class StampBounds:
             )
 
     def drifted_us(self, after_us: int) -> int:
-        """How much the offset of the two clocks changes within a time at most, rounded up."""
-        return -(-after_us * self.drift_ppm // 1_000_000)
+        """How much the offset of the two clocks changes within a time of either, at most, rounded
+        up: a clock slow by d takes s / (1 - d) for s of its own."""
+        return -(-after_us * self.drift_ppm // (1_000_000 - self.drift_ppm))
 
 
 @final
