@@ -18,6 +18,7 @@ from signed_cases import KEY, signed_again, write_files, write_public_key
 from workbench.cli.main import main
 from workbench.cli.private_key import write_pair
 from workbench.codegen import localiser as codegen_localiser
+from workbench.codegen import whole_folder
 from workbench.codegen.compiler import FLAGS, compile_shared
 from workbench.codegen.localiser import write_localiser
 from workbench.errors import InputError
@@ -228,7 +229,7 @@ def test_a_write_that_fails_leaves_the_old_one(
         write_localiser(broken, out, replaces=True)
     assert os.listdir(tmp_path) == ["out"]
     assert load_localiser(out, public_key=None).numbers == numbers()
-    monkeypatch.setattr(codegen_localiser.tempfile, "mkdtemp", _refused)
+    monkeypatch.setattr(whole_folder.tempfile, "mkdtemp", _refused)
     with pytest.raises(InputError, match="cannot write a localiser"):
         write_localiser(files(), tmp_path / "new", replaces=False)
 

@@ -149,7 +149,8 @@ def test_the_tube_is_wider_by_what_is_not_known_and_no_more() -> None:
 
 
 def test_what_widens_a_disc_adds_up() -> None:
-    """1 s of way at 3 m/s: its stamp within 0.1 s, its clock off by 1 %, both ways, and 1 us; whole us."""
+    """1 s of way at 3 m/s: its stamp within 0.1 s, its clock off by 1 %, both ways, and 1 us, all
+    in whole us."""
     drifting = dataclasses.replace(
         BOUNDS, stamps=StampBounds(delay_us=(0, 0), drift_ppm=10_000, window_us=1_000_000)
     )

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import platform
-import shutil
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import final
@@ -17,6 +15,7 @@ from workbench.codegen.compiler import Compiled, compile_shared
 from workbench.codegen.decision_header import decision_header
 from workbench.codegen.decision_source import DecisionSizes, decision_layout, decision_source
 from workbench.codegen.golden import golden_vectors
+from workbench.codegen.whole_folder import write_folder
 from workbench.errors import InputError
 from workbench.models.bicycle import PathFrame
 from workbench.models.system import Ode
@@ -144,28 +143,7 @@ def build_bundle(spec: MonitorSpec, folder: Path) -> Path:
     target = Path(folder)
     if target.exists() and not _replaceable(target):
         raise InputError(f"{target} exists and is not a bundle; choose another folder")
-    files = bundle_files(spec)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        fresh = Path(tempfile.mkdtemp(prefix=".bundle-", dir=target.parent))
-    except OSError as error:
-        raise InputError(
-            f"cannot write a bundle to {target} ({error.strerror}); choose a folder you may write"
-        ) from None
-    try:
-        for name, content in files.items():
-            (fresh / name).write_bytes(content)
-        fresh.chmod(0o755)
-        old = fresh.with_name(f"{fresh.name}-old")
-        # A crash in between leaves the old bundle beside its place, never half of one in it.
-        if target.exists():
-            target.rename(old)
-        fresh.rename(target)
-        shutil.rmtree(old, ignore_errors=True)
-    except BaseException:
-        shutil.rmtree(fresh, ignore_errors=True)
-        raise
-    return target
+    return write_folder(bundle_files(spec), target, what="bundle")
 
 
 def _replaceable(target: Path) -> bool:

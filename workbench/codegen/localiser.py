@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import platform
-import shutil
-import tempfile
 from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,6 +12,7 @@ from typing import final
 from workbench import __version__
 from workbench.codegen.c_source import FLOOR, function_text
 from workbench.codegen.compiler import Compiled, compile_shared
+from workbench.codegen.whole_folder import write_folder
 from workbench.errors import InputError
 from workbench.estimation.localisation_filter import filter_functions
 from workbench.estimation.localisation_sets import LEVELS, Shape
@@ -67,28 +66,7 @@ def write_localiser(files: Mapping[str, bytes], folder: Path, *, replaces: bool)
     replaces: an older localiser in its place gives way. Raises InputError as `require_place` does.
     """
     require_place(folder, replaces=replaces)
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        fresh = Path(tempfile.mkdtemp(prefix=".localiser-", dir=folder.parent))
-    except OSError as error:
-        raise InputError(
-            f"cannot write a localiser to {folder} ({error.strerror}); choose a folder you may "
-            "write"
-        ) from None
-    try:
-        for name, content in files.items():
-            (fresh / name).write_bytes(content)
-        fresh.chmod(0o755)
-        old = fresh.with_name(f"{fresh.name}-old")
-        # A crash in between leaves the old one beside its place, never half of one in it.
-        if folder.exists():
-            folder.rename(old)
-        fresh.rename(folder)
-        shutil.rmtree(old, ignore_errors=True)
-    except BaseException:
-        shutil.rmtree(fresh, ignore_errors=True)
-        raise
-    return folder
+    return write_folder(files, folder, what="localiser")
 
 
 def require_place(folder: Path, *, replaces: bool) -> None:

@@ -8,19 +8,19 @@ import enum
 import gc
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, final
 
-from workbench.errors import InputError
 from workbench.runtime.floats import float_mode_fault
 from workbench.runtime.localiser.core import LocaliserCore
 from workbench.runtime.localiser.folder import Built, load_localiser
 from workbench.runtime.localiser.journal import Journal
 from workbench.runtime.localiser.numbers import Numbers
 from workbench.runtime.onboard.attending import say
-from workbench.runtime.onboard.bus import Bus, BusFaultError, BusSettings, PythonCanBus
+from workbench.runtime.onboard.bus import Bus, BusSettings, PythonCanBus
 from workbench.runtime.onboard.loop import Loop, MonotonicClock
+from workbench.runtime.onboard.refusing import RefusedError, refusing
 from workbench.runtime.onboard.report_names import REPORT_NAMES, report_names
 from workbench.runtime.protocols import Decoded, decode, load_protocol
 
@@ -44,25 +44,6 @@ class Exit(enum.IntEnum):
     BUS = 17
     PROTOCOL = 18
     DEFECT = 70
-
-
-@final
-class RefusedError(Exception):
-    """Start-up ends here; the text is one sentence."""
-
-    def __init__(self, status: Exit, sentence: str) -> None:
-        super().__init__(" ".join(sentence.split()))
-        self.status = status
-
-
-@contextlib.contextmanager
-def _refusing(status: Exit) -> Iterator[None]:
-    try:
-        yield
-    except InputError as error:
-        raise RefusedError(status, str(error)) from error
-    except BusFaultError as fault:
-        raise RefusedError(status, f"the bus cannot be opened: {fault}") from fault
 
 
 def parser() -> argparse.ArgumentParser:
@@ -105,18 +86,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     built = _loaded(args)
-    with _refusing(Exit.LOCALISER):
+    with refusing(Exit.LOCALISER):
         level = built.numbers.level if args.level is None else args.level
         core = LocaliserCore(
             built.numbers, built.steps, level=level, period_us=round(1e6 / args.rate)
         )
     settings = BusSettings(args.interface, args.channel, args.bitrate, listens_only=False)
     with contextlib.ExitStack() as open_things:
-        with _refusing(Exit.BUS):
+        with refusing(Exit.BUS):
             bus = PythonCanBus(settings)
             open_things.callback(bus.close)
             _require_reports(bus, built.numbers, wait_us=round(args.wait * 1e6))
-        with _refusing(Exit.LOG):
+        with refusing(Exit.LOG):
             journal = Journal(core, args.log)
         open_things.callback(journal.close)
         loop = Loop(
@@ -132,7 +113,7 @@ def _loaded(args: argparse.Namespace) -> Built:
         raise RefusedError(Exit.FLOAT_MODE, f"before anything was loaded, {fault}")
     if args.public_key is None:
         say(f"{_NAME}: warning: the localiser's signature is not checked")
-    with _refusing(Exit.LOCALISER):
+    with refusing(Exit.LOCALISER):
         built = load_localiser(args.localiser, public_key=args.public_key)
     name = built.numbers.vehicle.protocol
     if args.protocol not in (None, name):

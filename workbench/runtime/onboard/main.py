@@ -10,17 +10,15 @@ import gc
 import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, final
 
-from workbench.errors import InputError
 from workbench.runtime.bundle import Bundle, load_bundle
 from workbench.runtime.floats import float_mode_fault
 from workbench.runtime.onboard.attending import Attendant, say
 from workbench.runtime.onboard.bus import (
     Bus,
-    BusFaultError,
     BusSettings,
     PythonCanBus,
     cannot_listen_only,
@@ -33,6 +31,7 @@ from workbench.runtime.onboard.loop import End, Loop, MonotonicClock
 from workbench.runtime.onboard.onboard_settings import OnboardSettings
 from workbench.runtime.onboard.playback_settings import log_header
 from workbench.runtime.onboard.recorder import RecordedCore, Recorder, RecorderSettings
+from workbench.runtime.onboard.refusing import RefusedError, refusing
 from workbench.runtime.onboard.sensors_file import settings_from
 from workbench.runtime.onboard.states import Mode
 from workbench.runtime.signed_bundle import load_signed_bundle
@@ -58,25 +57,6 @@ class Exit(enum.IntEnum):
     VEHICLE = 19
     AT_ONCE = 30
     DEFECT = 70
-
-
-@final
-class RefusedError(Exception):
-    """Start-up ends here; the text is one sentence."""
-
-    def __init__(self, status: Exit, sentence: str) -> None:
-        super().__init__(" ".join(sentence.split()))
-        self.status = status
-
-
-@contextlib.contextmanager
-def _refusing(status: Exit) -> Iterator[None]:
-    try:
-        yield
-    except InputError as error:
-        raise RefusedError(status, str(error)) from error
-    except BusFaultError as fault:
-        raise RefusedError(status, f"the bus cannot be opened: {fault}") from fault
 
 
 def parser() -> argparse.ArgumentParser:
@@ -132,22 +112,22 @@ def _run(args: argparse.Namespace) -> int:
     mode = MODES[args.mode]
     path = bundle.manifest.path
     assert path is not None, "asked for in _loaded"
-    with _refusing(Exit.NOT_FOR_DRIVING):
+    with refusing(Exit.NOT_FOR_DRIVING):
         core = Core(bundle, path, settings, mode=mode)
     with contextlib.ExitStack() as open_things:
         control = None
         if args.control is not None:
-            with _refusing(Exit.CONTROL):
+            with refusing(Exit.CONTROL):
                 control = ControlSocket(args.control)
             open_things.callback(control.close)
         buses = _opened(args, open_things)
-        with _refusing(Exit.BUS):
+        with refusing(Exit.BUS):
             seen = listened(buses[0], settings, wait_us=round(args.wait * 1e6))
         _check_vehicle(seen, settings)
         clock = MonotonicClock()
         recorder = None
         if args.log is not None:
-            with _refusing(Exit.LOG):
+            with refusing(Exit.LOG):
                 header = log_header(
                     bundle, path, settings, mode=mode, manifest_sha256=bundle.manifest_sha256,
                     started_unix_us=time.time_ns() // 1000 - clock.now_us(),
@@ -178,7 +158,7 @@ def _loaded(args: argparse.Namespace) -> tuple[Bundle, OnboardSettings]:
     fault = float_mode_fault()
     if fault is not None:
         raise RefusedError(Exit.FLOAT_MODE, f"before anything was loaded, {fault}")
-    with _refusing(Exit.BUNDLE):
+    with refusing(Exit.BUNDLE):
         if signed:
             bundle = load_signed_bundle(args.bundle, args.public_key)
         else:
@@ -191,7 +171,7 @@ def _loaded(args: argparse.Namespace) -> tuple[Bundle, OnboardSettings]:
         raise RefusedError(
             Exit.NOT_FOR_DRIVING, f"{args.bundle}: the manifest lacks {missing}; build it for a car"
         )
-    with _refusing(Exit.SENSORS):
+    with refusing(Exit.SENSORS):
         tag = int(bundle.manifest_sha256[:2], 16)
         settings = settings_from(manifest, signed=signed, tag=tag)
     return bundle, settings
@@ -215,7 +195,7 @@ def _opened(args: argparse.Namespace, open_things: contextlib.ExitStack) -> list
     if warning:
         say(f"workbench-monitor: warning: {warning}")
     buses: list[Bus] = []
-    with _refusing(Exit.BUS):
+    with refusing(Exit.BUS):
         for settings in wanted:
             bus = PythonCanBus(settings)
             open_things.callback(bus.close)
