@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -90,3 +91,25 @@ def widened(limits: MotionLimits, violation: LimitsViolation, *, headroom: float
         if getattr(violation.needed, name) > getattr(violation.limits, name)
     }
     return dataclasses.replace(limits, **wider)
+
+
+def widest(limits: MotionLimits, other: MotionLimits | None) -> MotionLimits:
+    """What either allows."""
+    if other is None:
+        return limits
+    return MotionLimits(
+        max(limits.speed_mps, other.speed_mps),
+        max(limits.acceleration_mps2, other.acceleration_mps2),
+    )
+
+
+def broken_limits(name: str, earlier: Sequence[Guard], now: Guard) -> LimitsViolation | None:
+    """The least limits with which all of the earlier guards and this one are of one person."""
+    found = [v for v in (limits_violation(name, each, now) for each in earlier) if v is not None]
+    if not found:
+        return None
+    needed = MotionLimits(
+        max(each.needed.speed_mps for each in found),
+        max(each.needed.acceleration_mps2 for each in found),
+    )
+    return dataclasses.replace(found[0], needed=needed)

@@ -13,7 +13,12 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.estimation.field_paths import Others
 from workbench.estimation.goals import Goal
-from workbench.estimation.guard_limits import LimitsViolation, limits_violation, widened
+from workbench.estimation.guard_limits import (
+    LimitsViolation,
+    broken_limits,
+    widened,
+    widest,
+)
 from workbench.estimation.intent_cloud import FilterSettings, Update, Values
 from workbench.estimation.intent_filter import STEP_S, Belief, Intents, advance
 from workbench.estimation.intent_filter import begin as begin_belief
@@ -211,15 +216,15 @@ class PeopleEstimator:
         place = np.array([seen.x_m, seen.y_m])
         history = _history(seen, before)
         law = self._settings.guards.of(history.kind)
-        limits = _widest(law.limits, self._limits.get(seen.name))
+        limits = widest(law.limits, self._limits.get(seen.name))
         alike = before is not None and before.history.kind == seen.kind
         if before is not None and not alike:
             # Of two kinds that somebody is taken for, they may be either.
-            limits = _widest(limits, before.limits)
+            limits = widest(limits, before.limits)
             self._limits[seen.name] = limits
         guard = law.guard(history, limits)
         earlier = _recent(before.guards, seen.t_s) if before is not None and alike else ()
-        violation = _broken(seen.name, earlier, guard)
+        violation = broken_limits(seen.name, earlier, guard)
         guards = (*earlier, guard)
         if violation is not None:
             limits = widened(limits, violation, headroom=self._settings.headroom)
@@ -275,16 +280,6 @@ def _history(seen: Sighting, before: _Known | None) -> PersonTrack:
     return PersonTrack("", old.agent, seen.kind, t_s, xy_m)
 
 
-def _widest(limits: MotionLimits, other: MotionLimits | None) -> MotionLimits:
-    """What either allows."""
-    if other is None:
-        return limits
-    return MotionLimits(
-        max(limits.speed_mps, other.speed_mps),
-        max(limits.acceleration_mps2, other.acceleration_mps2),
-    )
-
-
 def _moved(before: _Known | None, t_s: float, place: Values, numbers: MotionNumbers) -> Estimate:
     """`motion_filter.estimate`, one measurement on."""
     if before is None:
@@ -299,15 +294,3 @@ def _moved(before: _Known | None, t_s: float, place: Values, numbers: MotionNumb
 def _recent(guards: Sequence[Guard], t_s: float) -> tuple[Guard, ...]:
     """Those of the last second, and the newest however old it is."""
     return tuple(g for g in guards if g.at_s >= t_s - COMPARED_S) or tuple(guards[-1:])
-
-
-def _broken(name: str, earlier: Sequence[Guard], now: Guard) -> LimitsViolation | None:
-    """The least limits with which all of the earlier guards and this one are of one person."""
-    found = [v for v in (limits_violation(name, each, now) for each in earlier) if v is not None]
-    if not found:
-        return None
-    needed = MotionLimits(
-        max(each.needed.speed_mps for each in found),
-        max(each.needed.acceleration_mps2 for each in found),
-    )
-    return dataclasses.replace(found[0], needed=needed)
