@@ -1,0 +1,1 @@
+"""Scenes to drive through: path, people, what sensors miss, and what each policy should do."""

@@ -1,0 +1,1 @@
+"""People of a scenario: where they really are, step by step."""
