@@ -144,6 +144,26 @@ def test_what_commands_bring_about_reaches_the_brake_and_the_premises() -> None:
     assert "actuation" not in {each.name for each in assumptions(MonitorSpec(gem_e2(), 2.0, 0.05))}
 
 
+def test_a_disturbance_found_in_drives_stands_in_place_of_the_computed_one(tmp_path: Path) -> None:
+    found = (
+        "[uncertainty]\nacceleration_mps2 = 0.15\nupstream_acceleration_mps2 = 0.05\n"
+        "includes_drive_by_wire = true\nprovenance = 'drives'\n\n[drive_by_wire]\n"
+    )
+    file = tmp_path / "vehicle.toml"
+    text = gem_e2_drive_path().read_text(encoding="utf-8")
+    file.write_text(text.replace("[drive_by_wire]\n", found, 1), encoding="utf-8")
+    vehicle = load_vehicle(file)
+    unsure = vehicle.unsure()
+    assert 0.2 <= unsure.acceleration_mps2 <= 0.2 + 1e-12
+    assert unsure.steering_rate_radps == 0.0
+    assert unsure.speed_mps == drive_vehicle().unsure().speed_mps
+    said = {each.name: each.statement for each in assumptions(MonitorSpec(vehicle, 2.0, 0.05))}
+    assert "not from its maps" in said["actuation"]
+    file.write_text(file.read_text(encoding="utf-8").replace("= true", "= 1"), encoding="utf-8")
+    with pytest.raises(InputError, match="includes_drive_by_wire: expected true or false, got 1"):
+        load_vehicle(file)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

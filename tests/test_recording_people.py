@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from workbench.estimation.people_data import PersonTrack
 from workbench.estimation.people_guards import with_body
-from workbench.runtime import MotionLimits, ObservedPerson
+from workbench.runtime import Guard, MotionLimits, ObservedPerson
 from workbench.runtime.person_guard import guard_disc
 from workbench.runtime.person_tubes import RadiusBetween, timed_discs
 from workbench.runtime.policies import Relation, SeenPerson, Watched

@@ -69,7 +69,10 @@ def assumptions(spec: MonitorSpec) -> tuple[Assumption, ...]:
     )  # fmt: skip
     unsure = _uncertainty(spec.vehicle.unsure())
     wire = spec.vehicle.drive_by_wire
-    driven = () if wire is None else (_actuation(wire.value),)
+    measured = spec.vehicle.uncertainty.includes_drive_by_wire
+    driven = (
+        () if wire is None else (_measured_actuation() if measured else _actuation(wire.value),)
+    )
     return (_initial_set(spec), *_ALWAYS, unsure, *driven, rounding)
 
 
@@ -81,6 +84,15 @@ def _actuation(wire: DriveByWire) -> Assumption:
         "moves by no more than the slew allows",
         "none at run time but that withheld commands and clamped targets are told (covered); the "
         "vehicle file's provenance, and its outputs compared with its commands",
+    )  # fmt: skip
+
+
+def _measured_actuation() -> Assumption:
+    return Assumption(
+        "actuation", "the car moves as the law commands but for the disturbance of `estimation`, "
+        "which was found with the drive-by-wire in between and not from its maps and delays",
+        "none at run time but that withheld commands and clamped targets are told (covered); what "
+        "the vehicle file's [uncertainty] says of the drives it was found in",
     )  # fmt: skip
 
 

@@ -65,12 +65,18 @@ class DriveByWireSection:
             )
 
     def joined(self, uncertainty: Uncertainty, *, reading_gain_per_s: float) -> Uncertainty:
-        """`uncertainty` and what the drive-by-wire itself brings about; W adds up, readings not."""
+        """`uncertainty` and what the drive-by-wire itself brings about; W adds up, readings not.
+
+        A W that was found with the drive-by-wire in between stays as it is.
+        """
+        reading_mps = max(uncertainty.speed_mps, self.value.speed_error_mps)
+        if uncertainty.includes_drive_by_wire:
+            return dataclasses.replace(uncertainty, speed_mps=reading_mps)
         speeding = acceleration_bound(self.value).total
         turning = steering_bound(self.value, reading_gain_per_s=reading_gain_per_s).total
         return dataclasses.replace(
             uncertainty.more(acceleration_mps2=speeding, steering_rate_radps=turning),
-            speed_mps=max(uncertainty.speed_mps, self.value.speed_error_mps),
+            speed_mps=reading_mps,
             provenance=f"{uncertainty.provenance}; {_WHERE}: maps, dead bands, delays",
         )
 

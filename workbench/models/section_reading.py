@@ -41,7 +41,8 @@ def read_file(
 
 
 def read_section(kind: Callable[..., _Section], name: str, value: object) -> _Section:
-    """A dataclass of numbers and a provenance from its section; fields with defaults may lack."""
+    """A dataclass of numbers, yes or no, and a provenance from its section; fields with defaults
+    may lack."""
     table, where = as_table(name, value), f"[{name}]"
     fields = dataclasses.fields(kind)  # type: ignore[arg-type]
     optional = [
@@ -49,10 +50,15 @@ def read_section(kind: Callable[..., _Section], name: str, value: object) -> _Se
         if item.default is not dataclasses.MISSING and item.name != "provenance"
     ]  # fmt: skip
     require_keys(where, table, [i.name for i in fields if i.name not in optional], optional)
-    numbers = {key: as_number(where, key, table[key]) for key in table if key != "provenance"}
+    said = {item.name for item in fields if item.default is True or item.default is False}
+    values = {
+        key: as_yes_or_no(where, key, table[key]) if key in said else as_number(where, key, value)
+        for key, value in table.items()
+        if key != "provenance"
+    }
     provenance = as_text(where, "provenance", table)
     try:
-        return kind(**numbers, provenance=provenance)
+        return kind(**values, provenance=provenance)
     except InputError as error:
         raise InputError(f"{where} {error}") from None
 
@@ -82,6 +88,13 @@ def require_keys(
     missing = [key for key in required if key not in table]
     if missing:
         raise InputError(f"{where} lacks the {what} {', '.join(missing)}; add it")
+
+
+def as_yes_or_no(where: str, key: str, value: object) -> bool:
+    """The value, which must be true or false."""
+    if not isinstance(value, bool):
+        raise InputError(f"{where} {key}: expected true or false, got {value!r}")
+    return value
 
 
 def as_table(name: str, value: object) -> Mapping[str, object]:

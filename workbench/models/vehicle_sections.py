@@ -151,7 +151,8 @@ class Uncertainty:
     N: errors (magnitudes) of what the controller reads: lateral_m, heading_rad, speed_mps. W: what
     acts on the car besides the commands: acceleration_mps2, steering_rate_radps; upstream_...: by
     how much more an upstream controller may differ from ours in GATE. wheelbase_m: by how much the
-    geometry's wheelbase may be wrong.
+    geometry's wheelbase may be wrong. includes_drive_by_wire: W was found from what the law
+    commands to how the car moves, so that what [drive_by_wire] brings about is in it already.
     """
 
     lateral_m: float = 0.0
@@ -162,6 +163,7 @@ class Uncertainty:
     wheelbase_m: float = 0.0
     upstream_acceleration_mps2: float = 0.0
     upstream_steering_rate_radps: float = 0.0
+    includes_drive_by_wire: bool = False
     provenance: str = "assumed to be none"
 
     def __post_init__(self) -> None:
