@@ -48,8 +48,6 @@ from workbench.runtime.policies import BrakeBounds, Deciding
 from workbench.runtime.signature import SIGNATURE_FILE
 from workbench.sets import Box
 
-# The kernel takes curvature from the path table; the model's own interval is a placeholder.
-_ANY_CURVATURE = PathFrame(-0.5, 0.5)
 # Every step is a row of the result and of the tables; memory and compile time follow.
 LONGEST_S = 60.0
 MOST_STEPS = 350
@@ -195,7 +193,9 @@ def _check_granted(reading: ReadingErrors, gate: Wanted, proved: Uncertainty) ->
 
 def _track_loop(vehicle: Vehicle) -> Ode:
     """TRACK with all that the vehicle file is unsure of as disturbances."""
-    loop = vehicle.uncertain_loop(vehicle.track(), _ANY_CURVATURE)
+    # The kernel takes curvature from the path table, and refuses what lies outside of this.
+    most = vehicle.operation.curvature_per_m
+    loop = vehicle.uncertain_loop(vehicle.track(), PathFrame(-most, most))
     return with_ranged_parameters_as_disturbances(loop.ode)
 
 

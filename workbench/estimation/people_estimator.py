@@ -26,7 +26,7 @@ from workbench.estimation.motion_filter import Estimate, MotionNumbers, filter_s
 from workbench.estimation.motion_filter import begin as begin_motion
 from workbench.estimation.people_data import PersonTrack
 from workbench.estimation.people_guards import ON_FOOT, Guards, assumed_guard, with_body
-from workbench.estimation.person_intents import Forwarding, Intent
+from workbench.estimation.person_intents import Forwarded, Forwarding, Intent
 from workbench.runtime import Guard, MotionLimits, ObservedPerson
 
 UNKNOWN = "unknown"
@@ -210,6 +210,15 @@ class PeopleEstimator:
         violations, self._violations = tuple(self._violations), []
         return PeopleNow(tuple(found), wanted, violations)
 
+    def ways(self, t_s: float) -> dict[str, Forwarded]:
+        """What is passed on of everybody whom `at` would name at t_s, by name."""
+        gone_s = t_s - self._settings.gone_age_s
+        return {
+            name: self._forwarded(known, t_s)
+            for name, known in self._known.items()
+            if known.seen_s >= gone_s
+        }
+
     def _advanced(
         self, seen: Sighting, before: _Known | None
     ) -> tuple[_Known, LimitsViolation | None]:
@@ -253,12 +262,16 @@ class PeopleEstimator:
         names = [*(goal.name for goal in self._settings.goals), UNKNOWN]
         return tuple(map(Wanted, names, known.belief.weights.tolist()))
 
-    def _observed(self, name: str, known: _Known, t_s: float) -> ObservedPerson:
+    def _forwarded(self, known: _Known, t_s: float) -> Forwarded:
         s = self._settings
         places = [*((goal.x_m, goal.y_m) for goal in s.goals), None]
         chances = (1.0,) if known.belief is None else known.belief.weights.tolist()
         intents = [Intent(chance, at) for chance, at in zip(chances, places, strict=True)]
-        forwarded = s.forwarding.forward(known.motion, t_s, intents, Others.none())
+        return s.forwarding.forward(known.motion, t_s, intents, Others.none())
+
+    def _observed(self, name: str, known: _Known, t_s: float) -> ObservedPerson:
+        s = self._settings
+        forwarded = self._forwarded(known, t_s)
         body_m = s.bodies.of(known.history.kind)
         tubes = (way.tube(body_m=body_m + s.bodies.error_m) for way in forwarded.waypoints)
         newest = known.guards[-1]

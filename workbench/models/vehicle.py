@@ -243,17 +243,24 @@ def _vehicle(document: Mapping[str, object]) -> Vehicle:
 
 
 def _operation(table: Mapping[str, object]) -> Operation:
-    require_keys("[operation]", table, ("reference_speed_mps", "region", "provenance"))
+    keys = ("reference_speed_mps", "region", "provenance")
+    require_keys("[operation]", table, keys, ("curvature_per_m",))
     where = "[operation.region]"
     region = as_table("operation.region", table["region"])
     require_keys(where, region, REGION_KEYS)
     intervals = {}
     for key, name in REGION_KEYS.items():
         intervals[name] = as_interval(where, key, region[key])
-    speed = as_number("[operation]", "reference_speed_mps", table["reference_speed_mps"])
-    return Operation(
-        speed, Box.from_intervals(intervals), as_text("[operation]", "provenance", table)
-    )
+    numbers = {
+        key: as_number("[operation]", key, table[key])
+        for key in ("reference_speed_mps", "curvature_per_m")
+        if key in table
+    }
+    said = as_text("[operation]", "provenance", table)
+    try:
+        return Operation(region=Box.from_intervals(intervals), provenance=said, **numbers)
+    except InputError as error:
+        raise InputError(f"[operation] {error}") from None
 
 
 def _initial_set(table: Mapping[str, object]) -> Box:

@@ -93,11 +93,19 @@ class SpeedGains:
 @final
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """Reference speed, and the region of path states (no station) that bounds are derived for."""
+    """Reference speed, and the region of path states (no station) that bounds are derived for.
+
+    curvature_per_m: what no path bends more than, to either side; a bundle brakes where one does.
+    The region's offsets, with the error of reading them, must stay below its radius.
+    """
 
     reference_speed_mps: float
     region: Box
     provenance: str
+    curvature_per_m: float = 0.5
+
+    def __post_init__(self) -> None:
+        require_positive(self, "curvature_per_m")
 
 
 @final

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import math
 import platform
@@ -24,6 +25,7 @@ from workbench.runtime.contents import (
 from workbench.runtime.floats import float_mode_fault
 from workbench.runtime.manifest import manifest_from_json
 from workbench.runtime.native import NativeKernel, check_machine
+from workbench.runtime.policies.deciding import Deciding
 
 OPEN_FIELDS = frozenset({"people_tubes", "people_pieces"})
 """Query fields that counts elsewhere in the query say how much of is read."""
@@ -100,6 +102,11 @@ class Bundle:
         for field in manifest.query:
             missing = 0.0 if field.name in OPEN_FIELDS else math.nan
             self._template.extend(field.default or (missing,) * field.count)
+
+    def with_deciding(self, deciding: Deciding) -> Bundle:
+        """The same proof with another policy deciding: for studies, as no file says so."""
+        manifest = dataclasses.replace(self.manifest, deciding=deciding.value)
+        return Bundle(manifest, self._kernel, self.manifest_sha256)
 
     def call(self, values: Mapping[str, Sequence[float]]) -> Result:
         """Run the kernel once.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple, final
 
@@ -16,13 +16,11 @@ from workbench.runtime.protocols import (
     Refusal,
     SentPerson,
     Way,
-    decode,
-    encode,
     intent_frames,
-    load_protocol,
     localisation_frames,
     people_frames,
 )
+from workbench.simulation.pacmod2_unit import Outputs, Pacmod2Unit, maker_frame
 
 REPORT_US: Final = 33_333
 LOCALISED_US: Final = 333_333
@@ -32,9 +30,6 @@ _SENSOR_DELAY_US: Final = 25_000
 _CLOCK_US: Final = 7_000_000
 """By so much the sensors' clock is ahead of ours."""
 _STEP_US: Final = 5_000
-_TIMEOUT_US: Final = 100_000
-_PACMOD: Final = load_protocol("pacmod2")
-_FORWARD: Final = 3
 _SPACING_M: Final = 0.5
 # Radii that are sent; the measured values are those of the car.
 _PLACE_M, _HEADING_RAD, _SPEED_MPS = 0.1, 0.02, 0.1
@@ -131,29 +126,15 @@ class OnboardCar:
     wheel_rad: float = 0.0
     accel: float = 0.0
     brake: float = 0.0
-    enabled: bool = False
     now_us: int = 0
-    _told: dict[str, float] = field(default_factory=dict)
-    _heard_us: int = -_TIMEOUT_US
-    _may_enable: bool = False
+    _unit: Pacmod2Unit = field(default_factory=Pacmod2Unit)
     _due_us: dict[str, int] = field(
         default_factory=lambda: {"reports": 4_000, "place": 40_000, "people": 90_000, "vin": 7_000}
     )
 
     def hear(self, identifier: int, data: bytes) -> None:
         """A frame of whoever commands it."""
-        said = decode(_PACMOD, identifier, data)
-        if isinstance(said, Refusal) or _PACMOD.by_id[identifier].sender != "WORKBENCH":
-            return
-        if said.message == "GLOBAL_CMD":
-            self._heard_us = self.now_us
-            enable = bool(said.values["PACMOD_ENABLE"])
-            if enable and self._may_enable and not said.values["CLEAR_OVERRIDE"]:
-                self.enabled = True
-            self._may_enable = self._may_enable or not enable
-            self.enabled = self.enabled and enable
-        else:
-            self._told.update(said.values)
+        self._unit.hear(identifier, data, self.now_us)
 
     def until(self, at_us: int) -> Iterator[Sent]:
         """Lets the car go on until an instant, and what was sent on the way there."""
@@ -168,9 +149,7 @@ class OnboardCar:
 
     def _step(self, step_s: float) -> None:
         pedals, steering = self.settings.drive_by_wire.pedals, self.settings.drive_by_wire.steering
-        if self.now_us - self._heard_us > _TIMEOUT_US:
-            self.enabled = self._may_enable = False
-        told, most = self._told if self.enabled else {}, step_s / _BUILD_UP_S
+        told, most = self._unit.commands(self.now_us), step_s / _BUILD_UP_S
         self.accel += _clipped(told.get("ACCEL_CMD", 0.0) - self.accel, most)
         self.brake += _clipped(told.get("BRAKE_CMD", 0.0) - self.brake, most)
         short_rad = told.get("POSITION_VALUE", self.wheel_rad) - self.wheel_rad
@@ -191,10 +170,10 @@ class OnboardCar:
 
     def _frames(self, name: str) -> list[tuple[int, bytes]]:
         if name == "reports":
-            return [_framed(message, values) for message, values in self._reports().items()]
+            outputs = Outputs(self.accel, self.brake, self.wheel_rad, self.speed_mps)
+            return self._unit.reports(outputs, self.now_us)
         if name == "vin":
-            maker = self.settings.maker or 0
-            return [_framed("VIN_RPT", {"MFG_CODE": maker, "MODEL_YEAR_CODE": ord("H")})]
+            return [maker_frame(self.settings.maker)]
         measured_us = self.now_us - _SENSOR_DELAY_US
         stamp_s = (measured_us + _CLOCK_US) / 1e6
         if name == "place":
@@ -233,38 +212,10 @@ class OnboardCar:
             speed_radius_mps=_SPEED_MPS,
         )
 
-    def _reports(self) -> Mapping[str, Mapping[str, float]]:
-        told = self._told if self.enabled else {}
-        silent = self.now_us - self._heard_us > _TIMEOUT_US
-        wheel = told.get("POSITION_VALUE", self.wheel_rad)
-        pressed = {"BRAKE_ON_OFF": self.brake > 0.0}
-        return {
-            "GLOBAL_RPT": {
-                "PACMOD_STATUS": self.enabled, "OVERRIDE_STATUS": 0, "VEH_CAN_TIMEOUT": 0,
-                "STR_CAN_TIMEOUT": 0, "BRK_CAN_TIMEOUT": 0, "USR_CAN_TIMEOUT": silent,
-                "USR_CAN_READ_ERRORS": 0,
-            },
-            "ACCEL_RPT": _system(0.0, told.get("ACCEL_CMD", 0.0), self.accel),
-            "BRAKE_RPT": _system(0.0, told.get("BRAKE_CMD", 0.0), self.brake) | pressed,
-            "STEERING_RPT_1": _system(0.0, wheel, self.wheel_rad),
-            "SHIFT_RPT": _system(_FORWARD, _FORWARD, _FORWARD),
-            "VEHICLE_SPEED_RPT": {"VEHICLE_SPEED": self.speed_mps, "VEHICLE_SPEED_VALID": 1},
-        }  # fmt: skip
-
 
 _PERIODS_US: Final = {
     "reports": REPORT_US, "place": LOCALISED_US, "people": PEOPLE_US, "vin": VIN_US,
 }  # fmt: skip
-
-
-def _system(manual: float, commanded: float, output: float) -> dict[str, float]:
-    return {"MANUAL_INPUT": manual, "COMMANDED_VALUE": commanded, "OUTPUT_VALUE": output}
-
-
-def _framed(name: str, values: Mapping[str, float]) -> tuple[int, bytes]:
-    data = encode(_PACMOD, name, values)
-    assert isinstance(data, bytes), data
-    return _PACMOD.by_name[name].frame_id, data
 
 
 def _clipped(value: float, most: float) -> float:

@@ -66,7 +66,8 @@ class Occluder:
 class Sensing:
     """How the world is measured; the paper's figures are its defaults where it gives any.
 
-    position_m: largest error of a localised position, in any direction, at 3 Hz; heading_rad,
+    position_m: largest error of a localised position, in any direction; it changes with every
+    range, at 3 Hz, the sets come at 10 Hz; heading_rad,
     speed_mps: likewise; dropped: share of localisation sets that are lost, by chance; person_m:
     largest error of a person's position (the paper: 0.5), at 5 Hz; person_mps: of their velocity;
     delay_s: least and greatest time from measuring to the frame; watched_m: radius about the car

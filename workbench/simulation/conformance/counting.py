@@ -1,0 +1,181 @@
+"""How often tubes contain measured motion, and what so few recordings say about the next one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, final
+
+import numpy as np
+from scipy.special import gammaln
+from scipy.stats import beta
+
+from workbench.errors import InputError
+from workbench.sensitivity.scenario import violation_bound
+from workbench.simulation.conformance.enclosing import Enclosed
+
+CONFIDENCE: Final = 0.95
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Share:
+    """A share with its interval: Clopper and Pearson's for as many trials as there are recordings.
+
+    Steps and windows of one recording count as one trial together: however strongly they depend on
+    each other, they say no more than that. With few recordings the interval is wide.
+    """
+
+    inside: int
+    of: int
+    low: float
+    high: float
+
+    @property
+    def value(self) -> float:
+        """inside / of."""
+        return self.inside / self.of
+
+
+def clustered(inside: int, of: int, *, recordings: int) -> Share:
+    """`Share` of trials in so many recordings. Raises InputError on numbers that cannot be.
+
+    >>> share = clustered(30, 30, recordings=5)
+    >>> round(share.low, 3), share.high
+    (0.478, 1.0)
+    """
+    if not (0 <= inside <= of and 1 <= recordings <= of):
+        raise InputError(
+            f"expected 0 <= inside <= of and 1 <= recordings <= of, got {inside}, {of} and "
+            f"{recordings}"
+        )
+    half, successes = 0.5 * (1.0 - CONFIDENCE), recordings * inside / of
+    failures = recordings - successes
+    low = float(beta.ppf(half, successes, failures + 1.0)) if inside else 0.0
+    high = float(beta.ppf(1.0 - half, successes + 1.0, failures)) if inside < of else 1.0
+    return Share(inside, of, low, high)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class RecordingCount:
+    """One recording's steps and disjoint windows, and the mean area of its tubes."""
+
+    recording: str
+    steps_inside: int
+    steps: int
+    windows_inside: int
+    windows: int
+    mean_area_m2: float
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Containment:
+    """Per step, per disjoint window and per recording; a window's first instant is a step too."""
+
+    steps: Share
+    windows: Share
+    recordings: Share
+    mean_area_m2: float
+    proof_ended: int
+    by_recording: tuple[RecordingCount, ...]
+
+
+def containment(enclosed: Enclosed) -> Containment:
+    """Counts of tubes and measured motion; `enclosed` has at least one window."""
+    names = sorted(set(enclosed.recordings))
+    owner = np.array(enclosed.recordings)
+    counts = []
+    for name in names:
+        mine = owner == name
+        area = enclosed.area_m2[mine]
+        counts.append(
+            RecordingCount(
+                name,
+                int(enclosed.inside[mine].sum()),
+                int(enclosed.inside[mine].size),
+                int(enclosed.whole[mine].sum()),
+                int(mine.sum()),
+                float(np.nanmean(area)) if np.isfinite(area).any() else math.nan,
+            )
+        )
+    complete = sum(each.windows_inside == each.windows for each in counts)
+    return Containment(
+        clustered(int(enclosed.inside.sum()), enclosed.inside.size, recordings=len(names)),
+        clustered(int(enclosed.whole.sum()), len(enclosed.whole), recordings=len(names)),
+        clustered(complete, len(names), recordings=len(names)),
+        enclosed.mean_area_m2,
+        enclosed.proof_ended,
+        tuple(counts),
+    )
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """With confidence 1 - delta, a further recording has a window outside with at most `epsilon`.
+
+    recordings: fitted to, the independent units, without the one that the cost is made of;
+    parameters: fitted bounds; left_out: recordings of which a window was left out. a_priori: known
+    before the fit, of the linear program alone (Campi and Garatti 2011, with discarded scenarios),
+    for tubes to first order. supporting: recordings that decide bounds and factor or were left out.
+    epsilon: wait and judge for whatever was made of the data (Campi, Garatti, Ramponi 2018), which
+    covers the real tubes; 1 says nothing.
+    """
+
+    recordings: int
+    parameters: int
+    left_out: int
+    delta: float
+    a_priori: float
+    supporting: int
+    epsilon: float
+
+    def __str__(self) -> str:
+        weak = ", which says nothing" if self.epsilon >= 1.0 else ""
+        return (
+            f"with confidence 1 - {self.delta:g}, a further recording drawn as the "
+            f"{self.recordings} independent ones were has a window that leaves its tube with "
+            f"probability at most {self.epsilon:.3g}{weak} (wait and judge: {self.supporting} of "
+            "them decide the figures); known before the fit, for tubes to first order: "
+            f"{self.a_priori:.3g} ({self.parameters} fitted bounds, {self.left_out} recordings "
+            "with windows left out)"
+        )
+
+
+def statement(
+    *, recordings: int, parameters: int, left_out: int, supporting: int, delta: float = 0.05
+) -> Statement:
+    """What that many recordings support.
+
+    Sources: M. C. Campi, S. Garatti, "A sampling-and-discarding approach to chance-constrained
+    optimization", J. Optim. Theory Appl. 148, 2011; M. C. Campi, S. Garatti, F. A. Ramponi, "A
+    general scenario theory for nonconvex optimization and decision making", IEEE TAC 63(12), 2018:
+    epsilon(k) = 1 - (delta / (N C(N, k)))^(1 / (N - k)), epsilon(N) = 1.
+
+    >>> round(statement(recordings=500, parameters=2, left_out=0, supporting=2).epsilon, 3)
+    0.041
+    """
+    if recordings < 1:
+        return Statement(0, parameters, left_out, delta, 1.0, 0, 1.0)
+    return Statement(
+        recordings, parameters, left_out, delta,
+        _discarding(recordings, parameters=parameters, left_out=left_out, delta=delta),
+        supporting,
+        _judged(recordings, supporting, delta=delta),
+    )  # fmt: skip
+
+
+def _judged(count: int, supporting: int, *, delta: float) -> float:
+    if supporting >= count:
+        return 1.0
+    choices = gammaln(count + 1) - gammaln(supporting + 1) - gammaln(count - supporting + 1)
+    log_share = (math.log(delta) - math.log(count) - float(choices)) / (count - supporting)
+    return 1.0 - math.exp(log_share)
+
+
+def _discarding(count: int, *, parameters: int, left_out: int, delta: float) -> float:
+    """Smallest eps with C(k+d-1, k) sum_{i < k+d} C(N, i) eps^i (1-eps)^(N-i) <= delta."""
+    ways = math.comb(left_out + parameters - 1, left_out)
+    return violation_bound(count, delta=delta / ways, parameters=left_out + parameters)

@@ -1,0 +1,126 @@
+"""Fit on some recordings, judge on the others: everything that a report of conformance says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, final
+
+from workbench.simulation.conformance.counting import (
+    Containment,
+    Statement,
+    containment,
+    statement,
+)
+from workbench.simulation.conformance.discs import Disc, Prediction, containing, of_area
+from workbench.simulation.conformance.enclosing import Enclosed, enclose
+from workbench.simulation.conformance.fit import Fit, fit
+from workbench.simulation.conformance.traces import Traces, traces
+from workbench.simulation.conformance.windows import Measured, MotionModel, Split
+
+_DELTA: Final = 0.05
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Verdict:
+    """One fit and how it fares.
+
+    training, held_out: containment by real tubes; held_out_tubes: the tubes behind it; stated: what
+    the training recordings support for a further one; pointwise: the stronger alternative, with
+    the share of held-out steps within it and the tubes that it makes of the held-out windows.
+    """
+
+    model: MotionModel
+    fit: Fit
+    split: Split
+    training: Containment
+    held_out: Containment
+    held_out_tubes: Enclosed
+    stated: Statement
+    pointwise: Traces
+    pointwise_share: float | None
+    pointwise_tubes: Containment
+
+    def reached(self, share: float) -> bool:
+        """Are all training windows contained, and this share of the held-out steps?"""
+        return self.fit.contained and self.held_out.steps.value >= share
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class DiscResult:
+    """A disc and how often it contains the held-out positions."""
+
+    kind: str
+    disc: Disc
+    training_area_m2: float
+    held_out: Containment
+
+
+def judge(
+    model: MotionModel,
+    measured: Measured,
+    split: Split,
+    *,
+    outliers: int,
+    most: Mapping[str, float],
+    candidates: int = 1,
+) -> Verdict:
+    """Fit on `split.training`, test on `split.held_out`.
+
+    candidates: models among which the tightest is chosen by the same training windows; the
+    statement's delta is shared among them. most: limits on bounds by key.
+    """
+    training, held_out = measured.of(split.training), measured.of(split.held_out)
+    found = fit(model, training, outliers=outliers, most=most)
+    tubes = enclose(model, found.uncertainty, held_out)
+    points = traces(training)
+    return Verdict(
+        model,
+        found,
+        split,
+        containment(found.enclosed),
+        containment(tubes),
+        tubes,
+        _stated(model, training, found, candidates),
+        points,
+        points.kept(held_out),
+        containment(enclose(model, points.uncertainty(), held_out)),
+    )
+
+
+def _stated(model: MotionModel, training: Measured, found: Fit, candidates: int) -> Statement:
+    owners = [window.recording for window in training.windows]
+    first = training.recordings[0]
+    out = {owners[place] for place in found.linear.left_out} - {first}
+    deciding = {owners[place] for place in found.linear.deciding} | out
+    if found.deciding is not None:
+        deciding.add(found.deciding)
+    return statement(
+        recordings=len(training.recordings) - 1,
+        parameters=len(model.fitted),
+        left_out=len(out),
+        supporting=len(deciding - {first}),
+        delta=_DELTA / candidates,
+    )
+
+
+def discs(measured: Measured, verdict: Verdict, *, error_m: float) -> tuple[DiscResult, ...]:
+    """Discs as large as the tubes, and such that contain all training windows."""
+    training = measured.of(verdict.split.training)
+    held_out = measured.of(verdict.split.held_out)
+    area = verdict.training.mean_area_m2
+    results = []
+    for prediction in Prediction:
+        for kind, disc in (
+            ("of the tubes' mean area", of_area(
+                prediction, training, error_m=error_m, mean_area_m2=area
+            )),
+            ("that contains the training windows", containing(
+                prediction, training, error_m=error_m
+            )),
+        ):  # fmt: skip
+            counts = containment(disc.enclosed(held_out))
+            results.append(DiscResult(kind, disc, disc.area_m2(training.times_s), counts))
+    return tuple(results)

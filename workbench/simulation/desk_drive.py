@@ -1,0 +1,219 @@
+"""A scenario driven without a bus: the same kernel, policies, law, drive-by-wire, plant and people,
+with observations made from the truth. For campaigns: several times as fast as over frames.
+
+What is left out: frames with their rounding, clocks and ages, dead reckoning, the checks for
+faults, and arming. In their place stand errors within the same bounds, and intervals as wide as the
+core's were seen to be.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import dataclass
+from typing import Final, final
+
+from workbench.runtime import Action, Observation, Watched
+from workbench.runtime.arc import Interval
+from workbench.runtime.decision import Decision
+from workbench.runtime.onboard.actuation import Sent, Wanted, actuate, brake_outputs, resting
+from workbench.runtime.onboard.crowd import observed_person
+from workbench.runtime.onboard.onboard_settings import OnboardSettings
+from workbench.runtime.onboard.pid import (
+    Integrals,
+    LawCommand,
+    Reading,
+    TrackLaw,
+    advanced,
+    ramped_reference_mps,
+)
+from workbench.runtime.onboard.times import DECIDE_EVERY, TURN_US
+from workbench.runtime.protocols import PeopleSeen
+from workbench.simulation.bus_sensing import CLOCK_US, LOCALISED_US, PEOPLE_US, Sensors
+from workbench.simulation.clock import SetClock
+from workbench.simulation.measures import Judge
+from workbench.simulation.plants.chassis import Motion
+from workbench.simulation.scene import Scene
+
+_CHECK_S: Final = (0.005, 0.03)
+_UNSEEN_MPS: Final = 2.5
+# Beside what the localisation claims: what ages and frames add to it on board.
+_POSITION_M, _HEADING_RAD, _STEERING_RAD, _SPEED_MPS = 0.06, 0.02, 0.017, 0.12
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """What the controller reads wrongly until the next localisation: m, m, rad, m/s."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    speed_mps: float
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Driving:
+    """Who decides and what the car is told by: judge reads clock; law, settings: of the bundle."""
+
+    judge: Judge
+    clock: SetClock
+    law: TrackLaw
+    settings: OnboardSettings
+
+
+@final
+class DeskLoop:
+    """Turn by turn: the law at every one, a decision at every third.
+
+    The same scene, driving and seed give the same run.
+    """
+
+    def __init__(self, scene: Scene, driving: Driving, *, seed: int) -> None:
+        self._scene, self._driving = scene, driving
+        self._chance = random.Random(f"desk {seed}")
+        self._sensors = Sensors(scene.scenario.sensing, random.Random(f"sensors {seed}"), 0)
+        self._errors = Errors(0.0, 0.0, 0.0, 0.0)
+        self._seen: PeopleSeen | None = None
+        self._due_us = {"place": 0, "people": 0}
+        self._integrals, self._command = Integrals(), LawCommand(0.0, 0.0, 0.0, 0.0)
+        self._reference_mps, self._turns = 0.0, 0
+        self._action = Action.BRAKE
+        sent = resting(driving.settings.drive_by_wire, 0.0)
+        assert sent is not None, "a straight wheel is within its limits"
+        self._sent: Sent = sent
+        self.decision: Decision | None = None
+
+    @property
+    def tracks(self) -> bool:
+        """Whether TRACK is what was sent last."""
+        return self._action is Action.TRACK
+
+    def turn(self) -> None:
+        """One turn: look, decide where it is time, send, and let the scene go on."""
+        scene, driving = self._scene, self._driving
+        now_s = driving.clock.now_s = scene.now_us / 1e6
+        self._measure()
+        motion = scene.car.motion
+        action = driving.judge.turn(now_s).action
+        decides = self._turns % DECIDE_EVERY == 0
+        self._drive(action, motion)
+        if decides:
+            self._decide(motion, now_s)
+        scene.advance(TURN_US)
+        self._turns += 1
+
+    def _decide(self, motion: Motion, now_s: float) -> None:
+        """Ask the judge; TRACK is about the next reference speed, which then holds."""
+        driving, turn_s = self._driving, TURN_US / 1e6
+        next_mps = ramped_reference_mps(
+            driving.law, self._reference_mps,
+            target_mps=driving.settings.reference_speed_mps,
+            slew_mps3=driving.settings.drive_by_wire.pedals.slew_mps3, step_s=turn_s,
+        )  # fmt: skip
+        observation = self._observation(motion, next_mps, now_s)
+        driving.clock.now_s = now_s + self._chance.uniform(*_CHECK_S)
+        self.decision = driving.judge.step(observation)
+        if self.decision.action is Action.TRACK:
+            self._reference_mps = next_mps
+
+    def _measure(self) -> None:
+        """New errors at 3 Hz, a new set of people at 5 Hz."""
+        scene, at_us = self._scene, self._scene.now_us
+        if at_us >= self._due_us["place"]:
+            self._due_us["place"] += LOCALISED_US
+            place = self._sensors.localised(scene.car.motion, at_us)
+            if place is not None:
+                true = scene.car.motion
+                self._errors = Errors(
+                    place.x_m - true.x_m, place.y_m - true.y_m,
+                    math.remainder(place.heading_rad - true.heading, math.tau),
+                    place.speed_mps - true.speed_mps,
+                )  # fmt: skip
+        if at_us >= self._due_us["people"]:
+            self._due_us["people"] += PEOPLE_US
+            seen = self._sensors.people(scene.people, scene.car.motion, scene.eye, at_us)
+            self._seen = self._seen if seen is None else seen
+
+    def _drive(self, action: Action, motion: Motion) -> None:
+        """The law on what it reads, through the drive-by-wire, to the car."""
+        driving, turn_s = self._driving, TURN_US / 1e6
+        wire = driving.settings.drive_by_wire
+        self._integrals = advanced(self._integrals, self._command, turn_s)
+        if action is not self._action:
+            self._integrals = Integrals(0.0, self._integrals.offset_ms)
+        self._action = action
+        reading = self._reading(motion)
+        wheel_rad = self._scene.car.wheel_rad
+        if action is Action.TRACK:
+            self._command = driving.law.track(
+                reading, self._integrals, reference_speed_mps=self._reference_mps
+            )
+            wanted = Wanted(self._command.acceleration_mps2, self._command.steering_rate_radps)
+            actuated = actuate(
+                wire, wanted, read_back_rad=wheel_rad, before=self._sent, elapsed_s=turn_s
+            )
+        else:
+            self._reference_mps = max(reading.speed_mps, 0.0)
+            self._command = driving.law.brake(
+                reading, self._integrals, stop_speed_mps=wire.stop_speed_mps
+            )
+            actuated = brake_outputs(
+                wire, self._command.steering_rate_radps, read_back_rad=wheel_rad,
+                before=self._sent, elapsed_s=turn_s,
+            )  # fmt: skip
+        self._sent = actuated.sent
+        outputs = actuated.sent.outputs
+        self._scene.car.command(
+            accelerator=outputs.accelerator, brake=outputs.brake, wheel_rad=outputs.wheel_rad,
+            wheel_rate_radps=outputs.wheel_rate_radps,
+        )  # fmt: skip
+
+    def _reading(self, motion: Motion) -> Reading:
+        errors, place = self._errors, self._scene.place()
+        aside_m = errors.y_m * math.cos(place.tangent) - errors.x_m * math.sin(place.tangent)
+        return Reading(
+            place.offset_m + aside_m,
+            math.remainder(motion.heading - place.tangent, math.tau) + errors.heading_rad,
+            motion.road_wheel_rad,
+            motion.speed_mps + errors.speed_mps,
+            place.curvature_per_m,
+        )
+
+    def _observation(self, motion: Motion, reference_mps: float, now_s: float) -> Observation:
+        sensing, errors = self._scene.scenario.sensing, self._errors
+        settings, watched_m = self._driving.settings, 0.0
+        people = []
+        if self._seen is not None:
+            stamp_us = round(self._seen.stamp_s * 1e6) - CLOCK_US
+            now_us = self._scene.now_us
+            people = [
+                observed_person(
+                    sent, (stamp_us, stamp_us), now_us=now_us, settings=settings.sensors
+                )
+                for sent in self._seen.people
+            ]
+            gone_m = _UNSEEN_MPS * (now_us - stamp_us) / 1e6 + 4.0 * sensing.position_m
+            watched_m = max(self._seen.watched_radius_m - gone_m, 0.0)
+        wide_m = sensing.position_m + _POSITION_M
+        speed = _around(motion.speed_mps + errors.speed_mps, sensing.speed_mps + _SPEED_MPS)
+        return Observation(
+            x=_around(motion.x_m + errors.x_m, wide_m),
+            y=_around(motion.y_m + errors.y_m, wide_m),
+            heading=_around(
+                motion.heading + errors.heading_rad, sensing.heading_rad + _HEADING_RAD
+            ),
+            steering=_around(motion.road_wheel_rad, _STEERING_RAD),
+            speed=speed,
+            speed_integral=(self._integrals.speed_m, self._integrals.speed_m),
+            offset_integral=(self._integrals.offset_ms, self._integrals.offset_ms),
+            reference_speed_mps=reference_mps,
+            people=tuple(people),
+            stamp_s=now_s,
+            watched=Watched(motion.x_m, motion.y_m, watched_m),
+        )
+
+
+def _around(value: float, radius: float) -> Interval:
+    return value - radius, value + radius

@@ -1,0 +1,55 @@
+"""The shipped vehicle that simulations drive, and its bundle on a rig."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Final
+
+from workbench.codegen import MonitorSpec, build_bundle
+from workbench.models.vehicle import Vehicle, load_vehicle
+from workbench.runtime import Timing, load_bundle
+from workbench.runtime.monitor_settings import MonitorSettings
+from workbench.simulation.onboard_car import straight_road
+from workbench.simulation.rig import Rig
+
+STEP_S: Final = 0.05
+HORIZON_S: Final = 3.0
+MONITOR: Final = MonitorSettings(5, 0.2, Timing(period_s=0.12, latency_s=0.1, send_gap_s=0.055))
+"""Five SAFE in a row release LookAhead's brake; 0.2 m of clearance."""
+
+
+def simulated_path() -> Path:
+    """The vehicle file: a GEM e2 with softer gains and what its simulated sensors reach."""
+    return Path(__file__).parent / "data" / "gem_e2_simulated.toml"
+
+
+def simulated_sensors() -> str:
+    """The text of its sensors' file."""
+    return simulated_path().with_name("gem_e2_simulated_sensors.toml").read_text(encoding="utf-8")
+
+
+def build_rig(
+    folder: Path | None = None,
+    *,
+    vehicle: Vehicle | None = None,
+    horizon_s: float = HORIZON_S,
+    sensors: str | None = None,
+) -> Rig:
+    """Compile a bundle and put it on a rig; some seconds.
+
+    folder: where the bundle stays, which must not exist; None for nowhere (it is loaded then, and
+    its files are gone). vehicle, sensors: the shipped ones where None. `LookAhead` looks horizon_s
+    ahead.
+    """
+    if folder is None:
+        with tempfile.TemporaryDirectory() as place:
+            return build_rig(
+                Path(place) / "bundle", vehicle=vehicle, horizon_s=horizon_s, sensors=sensors
+            )
+    chosen = load_vehicle(simulated_path()) if vehicle is None else vehicle
+    spec = MonitorSpec(
+        chosen, horizon_s, STEP_S, path=straight_road(-20.0, 180.0), monitor=MONITOR,
+        sensors=simulated_sensors() if sensors is None else sensors,
+    )  # fmt: skip
+    return Rig(load_bundle(build_bundle(spec, folder)), chosen)
