@@ -150,7 +150,7 @@ class _Story:
             return
         car, people = scene.car_now(), scene.people
         tracks = result.state is State.TRACKING
-        faults = tuple(each.fault.name for each in result.faults if _answered(each))
+        faults = tuple(each.fault.name for each in result.faults if answered(each))
         t_s = world.scenario_s
         self._instants.append(
             Instant(t_s, scene.car.motion, car.station_m, result.state, tracks, people, faults)
@@ -170,23 +170,24 @@ class _Story:
             Track(name, kind, tuple(samples)) for name, (kind, samples) in self._samples.items()
         )
         entries = [
-            _entry(moment, result, tracks, self._drawing) for moment, result in self._decided
+            entry_of(moment, result, tracks, self._drawing) for moment, result in self._decided
         ]
         return BusDrive(tuple(self._instants), tuple(entries), self._world.scene.nearness)
 
 
-def _entry(
+def entry_of(
     moment: Moment, result: TurnResult, tracks: tuple[Track, ...], drawing: Drawing
 ) -> Entry:
-    """As a page shows it; what the core found wrong stands among the violations."""
+    """A decision as a page shows it; what the core found wrong stands among the violations."""
     assert result.decision is not None, "only turns that decided are kept"
     assert result.observation is not None, "a decision is about one"
     moment = dataclasses.replace(moment, people=tracks)
     entry = moment.entry(result.observation, result.decision, drawing)
-    found = [f"{each.fault.name}: {each.detail}" for each in result.faults if _answered(each)]
+    found = [f"{each.fault.name}: {each.detail}" for each in result.faults if answered(each)]
     frame = dataclasses.replace(entry.frame, violations=(*entry.frame.violations, *found))
     return dataclasses.replace(entry, frame=frame)
 
 
-def _answered(found: Found) -> bool:
+def answered(found: Found) -> bool:
+    """Whether the core brakes or lets go of the car for it, and not only says so."""
     return found.fault.reaction is not Reaction.ALERT

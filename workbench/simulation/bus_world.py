@@ -61,12 +61,21 @@ class BusWorld:
         }  # fmt: skip
         self._under_way: list[tuple[int, int, CanFrame]] = []
         self._count = 0
-        self.now_us = 0
+        self.now_us, self._begun_us = 0, BEGUN_US
+
+    def begin(self, at_us: int) -> None:
+        """Let the scenario begin at an instant of the bus, not at `BEGUN_US`.
+
+        Raises ValueError for one that has passed, and where the scenario has begun.
+        """
+        if at_us < self.now_us or self._begun_us < self.now_us:
+            raise ValueError(f"expected an instant to come before the scenario, got {at_us} us")
+        self._begun_us = self._sensors.begun_us = at_us
 
     @property
     def scenario_s(self) -> float:
         """Time of the scenario; below 0 before it begins."""
-        return (self.now_us - BEGUN_US) / 1e6
+        return (self.now_us - self._begun_us) / 1e6
 
     @property
     def wanted(self) -> Mapping[str, tuple[Wanted, ...]]:
@@ -90,8 +99,8 @@ class BusWorld:
         """Until the scene begins the car stands, and nobody is there."""
         self._command()
         self.now_us += step_us
-        if self.now_us > BEGUN_US:
-            self.scene.advance(min(step_us, self.now_us - BEGUN_US))
+        if self.now_us > self._begun_us:
+            self.scene.advance(min(step_us, self.now_us - self._begun_us))
 
     def _command(self) -> None:
         told, car = self._unit.commands(self.now_us), self.scene.car
@@ -133,7 +142,7 @@ class BusWorld:
 
     def _people_frames(self) -> list[CanFrame]:
         scene = self.scene
-        people = scene.people if self.now_us >= BEGUN_US else ()
+        people = scene.people if self.now_us >= self._begun_us else ()
         seen = self._sensors.people(people, scene.car.motion, scene.eye, self.now_us)
         if seen is None:
             return []

@@ -80,7 +80,7 @@ class Sensing:
     dropped: float = 0.005
     person_m: float = 0.2
     person_mps: float = 0.2
-    delay_s: tuple[float, float] = (0.01, 0.04)
+    delay_s: tuple[float, float] = (0.005, 0.03)
     watched_m: float = 30.0
     dropouts: tuple[Dropout, ...] = ()
     ghosts: tuple[Ghost, ...] = ()

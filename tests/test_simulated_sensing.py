@@ -1,0 +1,174 @@
+"""Sensors of a scenario err, lose and hide as it says, and no more than it says."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip("casadi", reason="needs the optional package casadi")
+
+from workbench.runtime.protocols import PersonKind
+from workbench.simulation.bus_sensing import CLOCK_US, Sensors
+from workbench.simulation.occlusion import hidden, shadow_discs
+from workbench.simulation.plants.chassis import Motion
+from workbench.simulation.scenarios.scenario import Dropout, Ghost, Occluder, Sensing
+from workbench.simulation.walkers.pedestrian import PersonNow
+
+CAR = Motion(5.0, 1.0, 0.3, 2.0, 0.0, 0.0, 0.0, 0.0)
+VAN = Occluder(10.0, 2.0, 14.0, 4.0)
+EYE = (7.0, 1.5)
+seeds = st.integers(0, 10_000)
+
+
+def sensors(sensing: Sensing, seed: int = 1) -> Sensors:
+    return Sensors(sensing, random.Random(seed), 0)
+
+
+def person(x_m: float, y_m: float, kind: str = "ped") -> PersonNow:
+    return PersonNow("p", kind, x_m, y_m, 1.0, -0.5, 0.3)
+
+
+@given(seeds)
+def test_a_localisation_is_within_its_radii_and_changes_with_the_ranges(seed: int) -> None:
+    looking = sensors(Sensing(position_m=0.2, heading_rad=0.03, speed_mps=0.1, dropped=0.0), seed)
+    found = [looking.localised(CAR, k * 100_000) for k in range(40)]
+    errors = set()
+    for place in found:
+        assert place is not None
+        off = (place.x_m - CAR.x_m, place.y_m - CAR.y_m)
+        errors.add(off)
+        assert math.hypot(*off) <= 0.2 == place.x_radius_m == place.y_radius_m
+        assert abs(place.heading_rad - CAR.heading) <= 0.03 == place.heading_radius_rad
+        assert abs(place.speed_mps - CAR.speed_mps) <= 0.1 == place.speed_radius_mps
+    assert 9 <= len(errors) <= 14
+    assert len({place.number for place in found if place}) == 40
+
+
+@given(seeds)
+def test_a_person_is_within_what_is_said_of_them(seed: int) -> None:
+    looking = sensors(Sensing(person_m=0.5, person_mps=0.4), seed)
+    seen = looking.people([person(12.0, -3.0)], CAR, EYE, 200_000)
+    assert seen is not None
+    (found,) = seen.people
+    assert math.dist((found.x_m, found.y_m), (12.0, -3.0)) + 0.3 <= found.position_radius_m + 1e-12
+    away = math.dist((found.x_speed_mps, found.y_speed_mps), (1.0, -0.5))
+    assert away <= found.velocity_radius_mps
+    assert seen.stamp_s == (200_000 + CLOCK_US) / 1e6
+
+
+def test_kinds_tracks_and_the_watched_radius() -> None:
+    looking = sensors(Sensing(watched_m=20.0))
+    people = [
+        PersonNow("a", "cyclist", 10.0, -3.0, 0.0, 0.0, 0.9),
+        PersonNow("b", "ped", 60.0, 0.0, 0.0, 0.0, 0.3),
+        PersonNow("c", "sitting", 8.0, -5.0, 0.0, 0.0, 0.3),
+    ]
+    first = looking.people(people, CAR, EYE, 0)
+    again = looking.people(people[::-1], CAR, EYE, 200_000)
+    assert first is not None
+    assert again is not None
+    kinds = {each.track: each.kind for each in first.people}
+    assert kinds == {0: PersonKind.ON_WHEELS, 1: PersonKind.ON_FOOT}
+    assert {each.track for each in again.people} == {0, 1}
+
+
+def test_what_is_lost_is_lost() -> None:
+    gone = Sensing(
+        dropped=0.0, dropouts=(Dropout("localisation", 1.0, 2.0), Dropout("people", 3.0, 4.0))
+    )
+    looking = sensors(gone)
+    places = [looking.localised(CAR, k * 500_000) is None for k in range(6)]
+    assert places == [False, False, True, True, False, False]
+    sets = [looking.people([], CAR, EYE, k * 500_000) is None for k in range(9)]
+    assert sets == [False] * 6 + [True, True, False]
+    always = sensors(Sensing(dropped=1.0))
+    assert always.localised(CAR, 0) is None
+
+
+def test_ghosts_come_and_go() -> None:
+    looking = sensors(Sensing(ghosts=(Ghost(9.0, 0.0, 1.0, 2.0),)))
+    counts = []
+    for at_s in (0.5, 1.5, 2.5):
+        seen = looking.people([], CAR, EYE, round(at_s * 1e6))
+        assert seen is not None
+        counts.append(len(seen.people))
+    assert counts == [0, 1, 0]
+
+
+def test_who_goes_behind_a_van_is_remembered_for_two_seconds() -> None:
+    looking = sensors(Sensing(occluders=(VAN,), assumes_unseen=False))
+    ages = []
+    for k in range(13):
+        place = person(16.0, 0.0) if k == 0 else person(16.0, 4.5)
+        seen = looking.people([place], CAR, EYE, k * 200_000)
+        assert seen is not None
+        ages.append([round(each.age_s, 3) for each in seen.people])
+    assert ages[0] == [0.0]
+    assert ages[5] == [1.0]
+    assert ages[11:] == [[], []]
+
+
+points = st.tuples(st.floats(-5.0, 30.0), st.floats(-15.0, 15.0))
+
+
+@given(points)
+def test_hidden_is_what_a_line_of_many_points_meets(place: tuple[float, float]) -> None:
+    """The other way: walk along the line of sight."""
+    steps = 4000
+    line = (
+        (EYE[0] + k / steps * (place[0] - EYE[0]), EYE[1] + k / steps * (place[1] - EYE[1]))
+        for k in range(steps + 1)
+    )
+    inside = [(VAN.x_min_m < x < VAN.x_max_m, VAN.y_min_m < y < VAN.y_max_m) for x, y in line]
+    met = any(a and b for a, b in inside)
+    if met:
+        assert hidden(place, EYE, (VAN,))
+    elif hidden(place, EYE, (VAN,)):
+        # A line that touches a corner may slip between two of the points.
+        corners = [(x, y) for x in (10.0, 14.0) for y in (2.0, 4.0)]
+        assert min(_aside(corner, place) for corner in corners) < 0.02
+
+
+def _aside(corner: tuple[float, float], place: tuple[float, float]) -> float:
+    ux, uy = place[0] - EYE[0], place[1] - EYE[1]
+    way = math.hypot(ux, uy)
+    if way == 0.0:
+        return math.inf
+    return abs(ux * (corner[1] - EYE[1]) - uy * (corner[0] - EYE[0])) / way
+
+
+@given(points, st.floats(0.0, math.tau))
+def test_nobody_comes_out_of_a_shadow_but_through_a_disc(
+    place: tuple[float, float], towards: float
+) -> None:
+    """Walk from somewhere hidden: where it is seen first, one of the discs is."""
+    if not hidden(place, EYE, (VAN,)) or (10.0 <= place[0] <= 14.0 and 2.0 <= place[1] <= 4.0):
+        return
+    x, y = place
+    for _ in range(3000):
+        x, y = x + 0.01 * math.cos(towards), y + 0.01 * math.sin(towards)
+        if not hidden((x, y), EYE, (VAN,)):
+            break
+    else:
+        return
+    if math.dist((x, y), EYE) > 29.0:
+        return
+    discs = list(shadow_discs(EYE, VAN, reach_m=30.0))
+    assert min(math.dist((x, y), (dx, dy)) - r for dx, dy, r in discs) <= 0.05
+
+
+def test_no_shadow_from_inside_a_box_or_out_of_reach() -> None:
+    assert list(shadow_discs((12.0, 3.0), VAN, reach_m=30.0)) == []
+    assert list(shadow_discs((-50.0, 3.0), VAN, reach_m=30.0)) == []
+
+
+def test_somebody_is_assumed_at_the_edges_of_a_shadow_where_the_scenario_says_so() -> None:
+    for assumes, expected in ((True, {PersonKind.ASSUMED}), (False, set())):
+        looking = sensors(Sensing(occluders=(VAN,), assumes_unseen=assumes))
+        seen = looking.people([], CAR, EYE, 0)
+        assert seen is not None
+        assert {each.kind for each in seen.people} == expected
