@@ -10,6 +10,7 @@ from typing import Final, final
 
 from workbench.estimation.people_estimator import PeopleNow
 from workbench.runtime.decision import Action
+from workbench.runtime.observation import Observation
 from workbench.runtime.onboard.core import Core
 from workbench.runtime.onboard.faults import Found, Reaction
 from workbench.runtime.onboard.states import Request, State
@@ -38,7 +39,7 @@ class Instant:
     """One turn of the loop: the car's true motion, the core's state, people where they are.
 
     t_s: on the scenario's clock; tracks: whether TRACK was sent; faults: names of those that brake
-    or yield; station_m: of the car on its path.
+    or yield; station_m: of the car on its path; observation: of a turn that decided.
     """
 
     t_s: float
@@ -48,6 +49,7 @@ class Instant:
     tracks: bool
     people: tuple[PersonNow, ...]
     faults: tuple[str, ...]
+    observation: Observation | None
 
 
 @final
@@ -153,7 +155,16 @@ class _Story:
         faults = tuple(each.fault.name for each in result.faults if answered(each))
         t_s = world.scenario_s
         self._instants.append(
-            Instant(t_s, scene.car.motion, car.station_m, result.state, tracks, people, faults)
+            Instant(
+                t_s,
+                scene.car.motion,
+                car.station_m,
+                result.state,
+                tracks,
+                people,
+                faults,
+                result.observation,
+            )
         )
         for person in people:
             known = self._samples.setdefault(person.name, (person.kind, []))

@@ -27,6 +27,11 @@ _LEAST_COST: Final = 1e-6
 
 
 @final
+class NoFitError(InputError):
+    """No bounds within the limits contain the windows, even to first order."""
+
+
+@final
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearFit:
     """The program's answer.
@@ -68,7 +73,7 @@ def linear_fit(
 
     outliers: so many windows may stay outside; one after the other the window whose constraints
     cause most of the cost, by their multipliers, is left out, and the rest fitted again. most:
-    limits on bounds, by key. Raises InputError where no bounds below these contain the windows.
+    limits on bounds, by key. Raises NoFitError where no bounds below these contain the windows.
     """
     if not measured.windows:
         raise InputError("expected windows of measured motion to fit to, got none")
@@ -85,9 +90,12 @@ def linear_fit(
     left_out: list[int] = []
     deciding: set[int] = set()
     while True:
-        bounds, caused = _solve(linear, costs, limits=limits, left_out=left_out, model=model)
+        # A window that is left out next may be what the limits do not admit.
+        last = len(left_out) == outliers
+        allowed = limits if last else np.full_like(limits, np.inf)
+        bounds, caused = _solve(linear, costs, limits=allowed, left_out=left_out, model=model)
         deciding |= {int(place) for place in np.flatnonzero(caused)}
-        if len(left_out) == outliers or caused.max() <= 0.0:
+        if last or caused.max() <= 0.0:
             return LinearFit(bounds, tuple(left_out), tuple(sorted(deciding)))
         left_out.append(int(np.argmax(caused)))
 
@@ -114,7 +122,7 @@ def _solve(
     problem = cp.Problem(cp.Minimize(cp.sum(bounds)), constraints)
     problem.solve(solver=cp.CLARABEL)
     if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
-        raise InputError(_impossible(model, limits))
+        raise NoFitError(_impossible(model, limits))
     # Multiplier times what is needed: by duality these sum to the cost, whatever the units.
     caused = np.zeros(count)
     np.add.at(caused, np.nonzero(kept)[0], np.asarray(enough.dual_value) * needed[kept])
@@ -130,9 +138,9 @@ def _impossible(model: MotionModel, limits: Array) -> str:
     ]
     return (
         "no bounds contain the training windows even to first order"
-        + (f" with {', '.join(named)}, which the vehicle file needs" if named else "")
-        + "; the motion is not that of this vehicle and controller, the stated errors of the "
-        "windows' beginnings are too small, or windows must be left out (--outliers)"
+        + (f" with {', '.join(named)}" if named else "")
+        + "; the motion is not that of this model, the stated errors of the beginnings are "
+        "too small, or a window holds a defect of the measurement (leave it out: --outliers)"
     )
 
 

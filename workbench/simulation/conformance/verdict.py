@@ -54,7 +54,7 @@ class DiscResult:
 
     kind: str
     disc: Disc
-    training_area_m2: float
+    mean_area_m2: float
     held_out: Containment
 
 
@@ -107,20 +107,21 @@ def _stated(model: MotionModel, training: Measured, found: Fit, candidates: int)
 
 
 def discs(measured: Measured, verdict: Verdict, *, error_m: float) -> tuple[DiscResult, ...]:
-    """Discs as large as the tubes, and such that contain all training windows."""
+    """Discs as large as the tubes of the held-out windows, and such that contain all training
+    windows."""
     training = measured.of(verdict.split.training)
     held_out = measured.of(verdict.split.held_out)
-    area = verdict.training.mean_area_m2
+    area = verdict.held_out.mean_area_m2
     results = []
     for prediction in Prediction:
         for kind, disc in (
             ("of the tubes' mean area", of_area(
-                prediction, training, error_m=error_m, mean_area_m2=area
+                prediction, held_out, error_m=error_m, mean_area_m2=area
             )),
             ("that contains the training windows", containing(
                 prediction, training, error_m=error_m
             )),
         ):  # fmt: skip
             counts = containment(disc.enclosed(held_out))
-            results.append(DiscResult(kind, disc, disc.area_m2(training.times_s), counts))
+            results.append(DiscResult(kind, disc, disc.area_m2(held_out.times_s), counts))
     return tuple(results)

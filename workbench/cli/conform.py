@@ -1,0 +1,223 @@
+"""`workbench conform`: bounds of errors and disturbances fitted to measured motion."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, final
+
+from workbench.cli.analysis_options import command_line, number, positive, text_table
+from workbench.cli.common import add_output_option, add_vehicle_option, output_folder, write_text
+from workbench.cli.output import emit, plain
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.cli.conform_sources import Subject
+    from workbench.models.vehicle_sections import Uncertainty
+    from workbench.simulation.conformance.counting import Containment
+    from workbench.simulation.conformance.verdict import DiscResult, Verdict
+
+HELP: Final = (
+    "Fits what a vehicle file is unsure of to measured motion: the least W (and N) whose tubes "
+    "contain it, tested on recordings that were not fitted to. Exit status 1 when the tubes "
+    "contain less of the others than asked, or when the vehicle cannot take the figures."
+)
+EXAMPLE: Final = """\
+workbench conform RUNS --vehicle shuttle.toml --out out/conformance --plot
+workbench conform DATA/kitti --outliers 1 --out out/conformance --plot
+"""
+
+_FILES: Final = ("vehicle.toml", "conformance.json", "report.html")
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What came out: the verdict, discs beside it, and the section; refused: why no vehicle file
+    is written (empty: it is), with vehicle_text."""
+
+    verdict: Verdict
+    discs: tuple[DiscResult, ...]
+    section: Uncertainty
+    refused: str
+    vehicle_text: str
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """What was measured, how it is split, and what is asked."""
+    parser.add_argument(
+        "source", type=Path, metavar="SOURCE",
+        help="folder of closed-loop runs (runs.csv, paths.csv) or of recordings "
+        "(vehicles.csv, shapes.csv)",
+    )  # fmt: skip
+    add_vehicle_option(parser)
+    add_output_option(parser, default="out/conformance")
+    parser.add_argument(
+        "--window", type=positive, default=3.0, metavar="S", help="length of a window (default: 3)"
+    )
+    parser.add_argument(
+        "--step", type=positive, default=0.1, metavar="S",
+        help="between the instants that are compared (default: 0.1)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--train", nargs="+", metavar="NAME",
+        help="recordings to fit to (default: every other one by name)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--outliers", type=int, default=0, metavar="N",
+        help="training windows that may stay outside their tubes (default: 0)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--fit", choices=("w", "nw"), default="w",
+        help="w: disturbances and wheelbase, errors of the readings stay as the vehicle file has "
+        "them; nw: these as well (closed-loop runs only; default: w)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--require", type=number, default=0.99, metavar="SHARE",
+        help="share of the other recordings' steps to be contained (default: 0.99)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--speed-max", type=positive, default=8.0, metavar="MPS",
+        help="recordings: windows with no higher speed (default: 8)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--ahead", type=number, default=0.3, metavar="M",
+        help="recordings: reference point ahead of the rear axle (default: 0.3)",
+    )  # fmt: skip
+    parser.add_argument("--plot", action="store_true", help="write report.html as well")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fit, judge, write; 0 where the tubes contain what was asked."""
+    from workbench.cli.conform_sources import chosen_subject
+    from workbench.cli.main import CLAIM_FAILS, DONE
+    from workbench.simulation.conformance.fit import NoFitError
+
+    subject = chosen_subject(args)
+    if subject.vehicle_file.resolve() == (args.out / "vehicle.toml").resolve():
+        raise InputError(
+            f"--out: expected another folder than the vehicle file's, got {args.out}; its "
+            "vehicle.toml would be replaced"
+        )
+    try:
+        outcome = _outcome(args, subject)
+    except NoFitError as error:
+        emit(args, str(error), {"refused": str(error)})
+        return CLAIM_FAILS
+    with output_folder(args.out) as folder:
+        _write(args, subject, outcome, folder)
+    emit(args, "\n".join(_lines(args, subject, outcome)), _data(subject, outcome))
+    return DONE if outcome.verdict.reached(args.require) and not outcome.refused else CLAIM_FAILS
+
+
+def _outcome(args: argparse.Namespace, subject: Subject) -> Outcome:
+    from workbench.simulation.conformance.verdict import discs
+
+    model, measured, verdict = subject.judged(args.outliers)
+    command = command_line("conform", args, positional=("source",))
+    section = subject.section(model, verdict, command=command)
+    refused = subject.refusal(section)
+    return Outcome(
+        verdict,
+        discs(measured, verdict, error_m=subject.disc_error_m) if subject.discs else (),
+        section,
+        refused if verdict.fit.contained else "the tubes do not contain the windows fitted to",
+        "" if refused else subject.vehicle_text(section),
+    )
+
+
+def _write(args: argparse.Namespace, subject: Subject, outcome: Outcome, folder: Path) -> None:
+    for name in _FILES:
+        (folder / name).unlink(missing_ok=True)
+    if not outcome.refused:
+        write_text(folder / "vehicle.toml", outcome.vehicle_text)
+    data = json.dumps(plain(_data(subject, outcome)), indent=2, allow_nan=False)
+    write_text(folder / "conformance.json", data + "\n")
+    if args.plot:
+        from workbench.cli.conform_page import write_conform_page
+
+        write_conform_page(args, subject, outcome)
+
+
+def figures(section: Uncertainty) -> list[list[str | int | float | None]]:
+    """Key and value of each figure of the section."""
+    keys = ("lateral_m", "heading_rad", "speed_mps", "acceleration_mps2", "steering_rate_radps",
+            "wheelbase_m")  # fmt: skip
+    return [[key, float(getattr(section, key))] for key in keys]
+
+
+def counted(name: str, found: Containment) -> list[str | int | float | None]:
+    """One row: what, steps, windows, recordings with intervals, area."""
+    shares = (found.steps, found.windows, found.recordings)
+    words = [f"{s.inside}/{s.of} [{s.low:.3f}, {s.high:.3f}]" for s in shares]
+    return [name, *words, found.mean_area_m2]
+
+
+def count_rows(outcome: Outcome) -> list[list[str | int | float | None]]:
+    """Tubes, the pointwise alternative and discs, side by side."""
+    verdict = outcome.verdict
+    rows = [
+        counted("tubes, fitted to", verdict.training),
+        counted("tubes, other recordings", verdict.held_out),
+        counted("tubes of pointwise W, other recordings", verdict.pointwise_tubes),
+    ]
+    for each in outcome.discs:
+        name = f"disc, {each.disc.prediction.value}, {each.kind}; other recordings"
+        rows.append(counted(name, each.held_out))
+    return rows
+
+
+COUNT_HEADINGS: Final = ["what", "steps", "windows", "recordings", "mean area (m2)"]
+
+
+def _lines(args: argparse.Namespace, subject: Subject, outcome: Outcome) -> list[str]:
+    verdict, points = outcome.verdict, outcome.verdict.pointwise
+    lines = [
+        subject.about(verdict),
+        "",
+        text_table(["key", "bound"], figures(outcome.section)),
+        "",
+        text_table(COUNT_HEADINGS, count_rows(outcome)),
+        "[ , ]: 95 % intervals (Clopper and Pearson) that count each recording as one trial",
+        "",
+        str(verdict.stated),
+        "pointwise, at every instant of the windows fitted to: acceleration "
+        f"{_shown(points.acceleration_mps2)} m/s^2, steering rate "
+        f"{_shown(points.steering_rate_radps)} rad/s, sideways {_shown(points.sideways_mps)} m/s; "
+        f"share of the other recordings' steps within: {_shown(verdict.pointwise_share)}",
+    ]
+    if outcome.refused:
+        lines.append(f"no vehicle.toml: {outcome.refused}")
+    found = verdict.held_out.steps.value
+    lines.append(
+        f"the tubes contain {found:.2%} of the steps of other recordings, "
+        f"{'as' if verdict.reached(args.require) else 'less than'} asked ({args.require:.2%})"
+    )
+    return lines
+
+
+def _shown(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.3g}"
+
+
+def _data(subject: Subject, outcome: Outcome) -> dict[str, object]:
+    verdict = outcome.verdict
+    return {
+        "about": subject.about(verdict),
+        "uncertainty": outcome.section,
+        "refused": outcome.refused or None,
+        "split": verdict.split,
+        "first_order_bounds": verdict.fit.linear.bounds,
+        "inflation": verdict.fit.inflation,
+        "windows_left_out": subject.left_out(verdict),
+        "contained": verdict.fit.contained,
+        "training": verdict.training,
+        "held_out": verdict.held_out,
+        "statement": verdict.stated,
+        "pointwise": verdict.pointwise,
+        "pointwise_share_held_out": verdict.pointwise_share,
+        "pointwise_tubes_held_out": verdict.pointwise_tubes,
+        "discs": outcome.discs,
+    }

@@ -1,0 +1,215 @@
+"""What `workbench conform` fits to: recordings, or runs of a closed loop."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, final
+
+from workbench.cli.common import chosen_vehicle
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.models.vehicle import Vehicle
+    from workbench.models.vehicle_sections import Uncertainty
+    from workbench.simulation.conformance.verdict import Verdict
+    from workbench.simulation.conformance.windows import Measured, MotionModel, Split
+
+_W: Final = ("acceleration_mps2", "steering_rate_radps", "wheelbase_m")
+_N: Final = ("lateral_m", "heading_rad", "speed_mps")
+# Of the wheelbase: beyond it a bicycle of another length is no better than another steering.
+_MOST_WHEELBASE: Final = 0.25
+# What no car does: bounds beyond these explain a defect of the measurement, not motion.
+_MOST_OF_A_CAR: Final = {"acceleration_mps2": 10.0, "steering_rate_radps": 2.0}
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """Models with the windows that each of them sees, and how to speak of them.
+
+    candidates: name of the model, the model, its windows: the one whose tubes about the training
+    windows have the least mean area is taken. most: limits on bounds. discs: whether windows are in
+    the plane, so that discs can be compared; disc_error_m: their radius at the beginning.
+    """
+
+    kind: str
+    source: Path
+    vehicle: Vehicle
+    vehicle_file: Path
+    candidates: tuple[tuple[str, MotionModel, Measured], ...]
+    split: Split
+    most: dict[str, float]
+    discs: bool
+    disc_error_m: float
+    drives_by_wire: bool
+
+    def judged(self, outliers: int) -> tuple[MotionModel, Measured, Verdict]:
+        """The tightest candidate's verdict. Raises NoFitError where none has one."""
+        from workbench.simulation.conformance.fit import NoFitError
+        from workbench.simulation.conformance.verdict import judge
+
+        found: list[tuple[float, MotionModel, Measured, Verdict]] = []
+        failure: NoFitError | None = None
+        for _, model, measured in self.candidates:
+            try:
+                verdict = judge(
+                    model, measured, self.split, outliers=outliers, most=self.most,
+                    candidates=len(self.candidates),
+                )  # fmt: skip
+            except NoFitError as error:
+                failure = error
+            else:
+                found.append((verdict.training.mean_area_m2, model, measured, verdict))
+        if failure is not None and not found:
+            raise failure
+        return min(found, key=lambda each: each[0])[1:]
+
+    def name_of(self, verdict: Verdict) -> str:
+        """What the model of this verdict is called."""
+        return next(name for name, model, _ in self.candidates if model is verdict.model)
+
+    def about(self, verdict: Verdict) -> str:
+        """Data, counts, split, outliers, model, in a few sentences."""
+        training, held_out = verdict.training, verdict.held_out
+        left_out = self.left_out(verdict)
+        return (
+            f"{self.kind} of {self.source.resolve().name}; model: {self.name_of(verdict)}. "
+            f"Fitted to {training.windows.of} windows of {training.recordings.of} recordings, "
+            f"tested on {held_out.windows.of} windows of {held_out.recordings.of} others "
+            f"({self.split.rule}). Windows left out: "
+            + (", ".join(f"{name} from {start:g} s" for name, start in left_out) or "none")
+            + f". Bounds to first order times {verdict.fit.inflation:.3g}."
+        )
+
+    def left_out(self, verdict: Verdict) -> list[tuple[str, float]]:
+        """Recording and beginning of each window left out."""
+        measured = next(m for _, model, m in self.candidates if model is verdict.model)
+        windows = measured.of(self.split.training).windows
+        return [(windows[k].recording, windows[k].start_s) for k in verdict.fit.linear.left_out]
+
+    def section(self, model: MotionModel, verdict: Verdict, *, command: str) -> Uncertainty:
+        """The vehicle file's section with the fitted figures."""
+        found = {key: getattr(verdict.fit.uncertainty, key) for key in model.fitted}
+        text = "\n".join(
+            [self.about(verdict), f"{_held_out(verdict)} Statement: {verdict.stated}.",
+             f"Made by `{command}`."]
+        )  # fmt: skip
+        return dataclasses.replace(
+            self.vehicle.uncertainty, **found, provenance=text,
+            includes_drive_by_wire=self.drives_by_wire,
+        )  # fmt: skip
+
+    def refusal(self, section: Uncertainty) -> str:
+        """Why the vehicle cannot take these figures; empty where it can."""
+        try:
+            dataclasses.replace(self.vehicle, uncertainty=section)
+        except InputError as error:
+            return str(error)
+        return ""
+
+    def vehicle_text(self, section: Uncertainty) -> str:
+        """The vehicle file with this section."""
+        from workbench.simulation.conformance.section import with_section
+
+        return with_section(self.vehicle_file.read_text(encoding="utf-8"), section)
+
+
+def _held_out(verdict: Verdict) -> str:
+    steps, windows = verdict.held_out.steps, verdict.held_out.windows
+    return (
+        f"Inside the tubes of other recordings: {steps.inside} of {steps.of} steps, "
+        f"{windows.inside} of {windows.of} windows; mean area {verdict.held_out.mean_area_m2:.3g} "
+        "m^2."
+    )
+
+
+def chosen_subject(args: argparse.Namespace) -> Subject:
+    """What SOURCE holds. Raises InputError for folders that hold neither."""
+    from workbench.estimation.tables import Table
+    from workbench.models.vehicle import gem_e2_path
+    from workbench.simulation.conformance.driven_runs import holds_runs
+
+    source: Path = args.source
+    if not source.is_dir():
+        raise InputError(
+            f"SOURCE: expected a folder of runs or recordings at {source}, found "
+            f"{'a file' if source.exists() else 'nothing'}"
+        )
+    vehicle, file = chosen_vehicle(args), args.vehicle or gem_e2_path()
+    if holds_runs(source):
+        return _of_runs(args, vehicle, file)
+    if Table.exists(source, "vehicles"):
+        return _of_recordings(args, vehicle, file)
+    raise InputError(
+        f"SOURCE: expected runs.csv (closed-loop runs) or vehicles.csv (recordings), plain or "
+        f".gz, in {source}"
+    )
+
+
+def _split(args: argparse.Namespace, measured: Measured) -> Split:
+    from workbench.simulation.conformance.windows import alternating, named
+
+    if args.train:
+        return named(measured.recordings, args.train)
+    return alternating(measured.recordings)
+
+
+def _of_runs(args: argparse.Namespace, vehicle: Vehicle, file: Path) -> Subject:
+    from workbench.simulation.conformance.driven_runs import load_runs
+    from workbench.simulation.conformance.track_loop import RunErrors, RunWindows, TrackLoop
+    from workbench.simulation.conformance.windows import instants
+
+    model = TrackLoop(vehicle, _W if args.fit == "w" else (*_N, *_W))
+    measured = RunWindows(instants(args.window, args.step), RunErrors()).of(
+        load_runs(args.source), model
+    )
+    most = {
+        "acceleration_mps2": vehicle.brake.deceleration_min_mps2,
+        "speed_mps": vehicle.brake.stop_speed_mps,
+        "wheelbase_m": _MOST_WHEELBASE * vehicle.geometry.wheelbase_m,
+    }
+    return Subject(
+        "Closed-loop runs", args.source, vehicle, file,
+        (("the vehicle's TRACK loop", model, measured),), _split(args, measured), most,
+        discs=False, disc_error_m=0.0, drives_by_wire=vehicle.drive_by_wire is not None,
+    )  # fmt: skip
+
+
+def _of_recordings(args: argparse.Namespace, vehicle: Vehicle, file: Path) -> Subject:
+    from workbench.estimation.tables import Table
+    from workbench.simulation.conformance.held_bicycle import (
+        DriveErrors,
+        DriveWindows,
+        HeldBicycle,
+    )
+    from workbench.simulation.conformance.windows import instants
+    from workbench.simulation.recording import VEHICLE_COLUMNS, load_recording
+
+    if args.fit != "w":
+        raise InputError(
+            "--fit: expected w for recordings, got nw; nobody knows what their drivers read"
+        )
+    rows = Table.read(args.source, "vehicles", VEHICLE_COLUMNS).rows
+    names = sorted({row.text("recording") for row in rows})
+    recordings = tuple(load_recording(args.source, name) for name in names)
+    shapes = {each.shape for each in recordings}
+    if len(shapes) != 1:
+        raise InputError(
+            f"{args.source}: expected recordings of one car, got {len(shapes)} shapes; keep one "
+            "car's recordings in a folder"
+        )
+    shape = shapes.pop()
+    candidates = []
+    for name, holds in (("holding steering and acceleration", True), ("holding steering", False)):
+        model = HeldBicycle(shape.wheelbase_m, args.ahead, shape.front_m)
+        cut = DriveWindows(instants(args.window, args.step), args.speed_max, DriveErrors(), holds)
+        candidates.append((f"bicycle {name}", model, cut.of(recordings)))
+    return Subject(
+        "Recordings", args.source, vehicle, file, tuple(candidates),
+        _split(args, candidates[0][2]),
+        {**_MOST_OF_A_CAR, "wheelbase_m": _MOST_WHEELBASE * shape.wheelbase_m},
+        discs=True, disc_error_m=DriveErrors().position_m * 2.0**0.5, drives_by_wire=False,
+    )  # fmt: skip
