@@ -18,9 +18,9 @@ pytest.importorskip("casadi", reason="needs the optional package casadi")
 from workbench.cli.main import main
 from workbench.cli.path_file import path_from_csv
 from workbench.codegen.assumptions import assumptions
-from workbench.codegen.bundle import MonitorSpec, brake_bounds
+from workbench.codegen.bundle import MonitorSpec, _track_loop, brake_bounds
 from workbench.errors import InputError
-from workbench.models.vehicle import gem_e2, gem_e2_drive_path, gem_e2_path, load_vehicle
+from workbench.models.vehicle import Vehicle, gem_e2, gem_e2_drive_path, gem_e2_path, load_vehicle
 from workbench.models.vehicle_sections import Uncertainty
 from workbench.runtime import Timing
 from workbench.runtime.contents import Parameter
@@ -142,6 +142,27 @@ def test_what_commands_bring_about_reaches_the_brake_and_the_premises() -> None:
     assert "within 0.409 m/s^2" in said["estimation"].statement
     assert "within the last 0.205 s (pedals), 0.105 s (steering)" in said["actuation"].statement
     assert "actuation" not in {each.name for each in assumptions(MonitorSpec(gem_e2(), 2.0, 0.05))}
+
+
+def test_a_path_may_bend_as_much_as_the_file_says_and_no_more(tmp_path: Path) -> None:
+    file = tmp_path / "vehicle.toml"
+    text = gem_e2_path().read_text(encoding="utf-8")
+    told = text.replace("[operation]\n", "[operation]\ncurvature_per_m = 0.125\n", 1)
+    file.write_text(told, encoding="utf-8")
+    assert load_vehicle(file).operation.curvature_per_m == 0.125
+    assert gem_e2().operation.curvature_per_m == 0.5
+    curvature = _curvature_of(load_vehicle(file))
+    assert curvature == (-0.125, 0.125)
+    assert _curvature_of(gem_e2()) == (-0.5, 0.5)
+    file.write_text(told.replace("= 0.125", "= 0.0"), encoding="utf-8")
+    with pytest.raises(InputError, match=r"\[operation\] curvature_per_m: expected a number > 0"):
+        load_vehicle(file)
+
+
+def _curvature_of(vehicle: Vehicle) -> tuple[float, float]:
+    loop = _track_loop(vehicle)
+    found = next(each for each in loop.disturbances if each.name == "curvature")
+    return found.lower, found.upper
 
 
 def test_a_disturbance_found_in_drives_stands_in_place_of_the_computed_one(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from workbench.cli.common import add_output_option, output_folder, write_text
@@ -15,18 +16,25 @@ if TYPE_CHECKING:
 HELP: Final = (
     "Drives scenarios with the core that runs on the vehicle, over CAN frames in virtual time, and "
     "writes where the car truly was and what its controller's integrals were, as runs.csv and "
-    "paths.csv. Every seed draws other actuators and other errors of the sensors."
+    "paths.csv. Every seed draws other actuators and other errors of the sensors. A log of the "
+    "monitor in place of a scenario is replayed, and gives what its decisions were told."
 )
 EXAMPLE: Final = """\
 workbench drives nobody_s_bend crossing_straight --seeds 1 20 --out out/drives
 workbench drives nobody_s_bend --plant multi-body --seeds 1 5
+workbench drives log/drive.mcap --bundle out/bundle --out out/logged
 """
 _PLANTS: Final = ("bicycle", "single-track", "multi-body")
+_LOGS: Final = (".mcap", ".blf", ".asc", ".log")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Which scenarios, which car, how often."""
-    parser.add_argument("scenarios", nargs="+", metavar="SCENARIO", help="names of the library")
+    parser.add_argument(
+        "subjects", nargs="+", metavar="SCENARIO",
+        help="names of the library, or logs of the monitor",
+    )  # fmt: skip
+    parser.add_argument("--bundle", type=Path, metavar="DIR", help="that the logs were made with")
     parser.add_argument(
         "--plant", choices=_PLANTS, default="single-track", help="(default: single-track)"
     )
@@ -48,7 +56,10 @@ def run(args: argparse.Namespace) -> int:
     first, last = args.seeds
     if not 0 <= first <= last:
         raise InputError(f"--seeds: expected 0 <= FIRST <= LAST, got {first} and {last}")
-    runs = _driven(args, range(first, last + 1))
+    logs = [Path(name) for name in args.subjects if Path(name).suffix in _LOGS]
+    names = [name for name in args.subjects if Path(name).suffix not in _LOGS]
+    runs = _logged(args, logs) if logs else []
+    runs += _driven(args, names, range(first, last + 1)) if names else []
     with output_folder(args.out) as out:
         for name, text in runs_tables(runs).items():
             write_text(out / name, text)
@@ -58,7 +69,17 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _driven(args: argparse.Namespace, seeds: range) -> list[DrivenRun]:
+def _logged(args: argparse.Namespace, logs: list[Path]) -> list[DrivenRun]:
+    from workbench.runtime import load_bundle
+    from workbench.simulation.conformance.log_runs import run_from_log
+
+    if args.bundle is None:
+        raise InputError(f"--bundle: expected the bundle that made {logs[0]}, got none; add it")
+    bundle = load_bundle(args.bundle)
+    return [run_from_log(file, bundle) for file in logs]
+
+
+def _driven(args: argparse.Namespace, names: list[str], seeds: range) -> list[DrivenRun]:
     from workbench.runtime import Deciding
     from workbench.simulation.bus_drive import Recorded
     from workbench.simulation.conformance.bus_runs import driven_run
@@ -66,7 +87,7 @@ def _driven(args: argparse.Namespace, seeds: range) -> list[DrivenRun]:
     from workbench.simulation.scenarios.shipped import named
     from workbench.simulation.simulated import build_rig
 
-    scenes = [named(name) for name in args.scenarios]
+    scenes = [named(name) for name in names]
     rig, runs = build_rig(), []
     reference_mps = rig.vehicle.operation.reference_speed_mps
     with Progress("drives", len(scenes) * len(seeds)) as bar:
