@@ -105,6 +105,15 @@ def test_windows_lie_in_track_throughout() -> None:
     assert len(starts) == 4
 
 
+def test_pointwise_figures_do_not_depend_on_what_is_fitted() -> None:
+    every = TrackLoop(model().vehicle, ("lateral_m", "heading_rad", "speed_mps", *W))
+    run = planted_run("run 0", PLANTED, seed=0)
+    cuts = [RunWindows(instants(2.0, 0.2), RunErrors()).of((run,), m) for m in (model(), every)]
+    one, other = (np.concatenate([w.gaps for w in cut.windows]) for cut in cuts)
+    assert np.abs(one - other).max() < 2e-3
+    assert 0.01 < np.abs(one[:, 0]).max() < 1.0
+
+
 def test_a_run_beyond_its_paths_end_is_refused() -> None:
     run = planted_run("run 0", PLANTED, seed=0)
     short = dataclasses.replace(run, waypoints=run.waypoints[:20])

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.walker_cases import ROAD, car_at, fastest, present, walk
+from tests.walker_cases import ROAD, STEP_S, car_at, fastest, present, walk
 from workbench.errors import InputError
 from workbench.estimation.motion_parameters import shipped_motion
 from workbench.runtime import MotionLimits
@@ -103,6 +103,14 @@ def test_limits_are_reached_and_not_only_kept() -> None:
     assert mover.velocity[0] == pytest.approx(1.5)
     mover.push((99.0, 0.0), 1.0)
     assert mover.velocity[0] == pytest.approx(2.5)
+
+
+def test_an_acceleration_by_chance_is_held_and_then_drawn_anew() -> None:
+    wide = MotionLimits(100.0, 1.5)
+    wanderer = Wanderer(WHO, ((0.0, 0.0), (0.0, 0.0)), limits=wide, hold_s=(0.5, 0.5), seed=1)
+    found = [p for _, p in present(walk(wanderer, 4.0, _jumpy([])))]
+    pushes = [round((b.vx_mps - a.vx_mps) / STEP_S, 6) for a, b in itertools.pairwise(found)]
+    assert [len(list(same)) for _, same in itertools.groupby(pushes)] == [32] * 8
 
 
 def test_the_same_seed_gives_the_same_walk_and_another_one_another() -> None:

@@ -17,7 +17,8 @@ HELP: Final = (
     "Drives scenarios with the core that runs on the vehicle, over CAN frames in virtual time, and "
     "writes where the car truly was and what its controller's integrals were, as runs.csv and "
     "paths.csv. Every seed draws other actuators and other errors of the sensors. A log of the "
-    "monitor in place of a scenario is replayed, and gives what its decisions were told."
+    "monitor in place of a scenario is replayed, and gives what its decisions were told. "
+    "vehicle.toml is the file of the simulated car."
 )
 EXAMPLE: Final = """\
 workbench drives nobody_s_bend crossing_straight --seeds 1 20 --out out/drives
@@ -52,6 +53,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Drive, and write both tables."""
     from workbench.simulation.conformance.driven_runs import runs_tables
+    from workbench.simulation.simulated import simulated_path
 
     first, last = args.seeds
     if not 0 <= first <= last:
@@ -63,6 +65,9 @@ def run(args: argparse.Namespace) -> int:
     with output_folder(args.out) as out:
         for name, text in runs_tables(runs).items():
             write_text(out / name, text)
+        if names:
+            text = simulated_path().read_text(encoding="utf-8")
+            write_text(out / "vehicle.toml", text)
     tracked = sum(int(each.tracking.sum()) for each in runs)
     data = {"out": str(args.out), "runs": len(runs), "tracked_instants": tracked}
     emit(args, f"{len(runs)} runs, {tracked} instants under TRACK: {args.out}/runs.csv", data)

@@ -43,6 +43,8 @@ _REMEMBERED_S: Final = 2.0
 """Who went out of sight is reported from where they were seen last, for so long."""
 _ASSUMED_TRACK: Final = 60_000
 _UNSEEN_MPS: Final = 2.5
+_RIM_M: Final = 4.0
+"""People are reported so much farther than is watched: who leaves does not vanish at the rim."""
 
 
 @final
@@ -121,7 +123,8 @@ class Sensors:
         if self.estimator is None:
             return {}
         t_s = self._scenario_s(at_us)
-        self.wanted = self.estimator.at(t_s).wanted
+        told = self.estimator.at(t_s).wanted
+        self.wanted = {str(self._tracks[name]): wanted for name, wanted in told.items()}
         ways = self.estimator.ways(t_s)
         tracks = {each.track for each in seen.people}
         return {
@@ -135,7 +138,7 @@ class Sensors:
         for person in people:
             place = (person.x_m, person.y_m)
             away_m = math.dist(place, (motion.x_m, motion.y_m))
-            if away_m > self.sensing.watched_m + 1.0 or hidden(place, eye, self.sensing.occluders):
+            if away_m > self.sensing.watched_m + _RIM_M or hidden(place, eye, self.sensing.occluders):
                 continue
             measured = self._measured(person)
             self._seen[person.name] = _Remembered(measured, t_s)
@@ -188,7 +191,7 @@ class Sensors:
 
     def _near(self, person: SentPerson, motion: Motion) -> bool:
         away_m = math.dist((person.x_m, person.y_m), (motion.x_m, motion.y_m))
-        return away_m - person.position_radius_m <= self.sensing.watched_m
+        return away_m - person.position_radius_m <= self.sensing.watched_m + _RIM_M
 
     def _next(self, what: str) -> int:
         self._sets[what] += 1

@@ -79,7 +79,7 @@ class BusWorld:
 
     @property
     def wanted(self) -> Mapping[str, tuple[Wanted, ...]]:
-        """What is estimated of everybody's intents, by name; {} where nobody does."""
+        """What is estimated of everybody's intents, by track; {} where nobody does."""
         return self._sensors.wanted
 
     def hear(self, identifier: int, data: bytes) -> None:

@@ -13,6 +13,7 @@ import select
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping
@@ -160,8 +161,9 @@ _WORDS: Final[Mapping[str, str]] = {
 @contextlib.contextmanager
 def _started(installed: Installed, line: SerialLine, log: Path) -> Iterator[_Monitor]:
     """The program with all that drive mode needs; it is gone after the block."""
-    control = log.parent / "control"
-    control.mkdir(mode=0o700, parents=True, exist_ok=True)
+    # Only its owner may enter it, as the monitor asks.
+    folder = tempfile.TemporaryDirectory(prefix="workbench-")
+    control = Path(folder.name)
     root = str(Path(workbench.__file__).resolve().parents[1])
     process = subprocess.Popen(
         [
@@ -181,6 +183,7 @@ def _started(installed: Installed, line: SerialLine, log: Path) -> Iterator[_Mon
         monitor.close()
         assert process.stderr is not None, "a pipe was asked for"
         process.stderr.close()
+        folder.cleanup()
 
 
 @final

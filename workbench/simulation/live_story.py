@@ -119,9 +119,11 @@ class LiveStory:
 def _instant(beat: _Beat, result: TurnResult | None) -> Instant:
     tracks = beat.state is State.TRACKING
     faults = () if result is None else tuple(f.fault.name for f in result.faults if answered(f))
+    observation = None if result is None else result.observation
     return Instant(
-        beat.t_s, beat.motion, beat.car.station_m, beat.state, tracks, beat.people, faults
-    )
+        beat.t_s, beat.motion, beat.car.station_m, beat.state, tracks, beat.people, faults,
+        observation,
+    )  # fmt: skip
 
 
 def _moment(beat: _Beat) -> Moment:

@@ -171,8 +171,10 @@ class _Spread:
         return total
 
 
-def one_step(model: MotionModel, states: Array, *, step_s: float) -> tuple[Array, Array]:
-    """Where the model, undisturbed, takes each of these states (M, n) in a step, (M, n), and what
-    a unit of each disturbance adds to each state by then, (M, n, n_w)."""
-    after, _, by_input, _ = _Columns(model, step_s=step_s, windows=len(states))(states)
-    return after, by_input
+def one_step(model: MotionModel, states: Array, *, step_s: float) -> tuple[Array, dict[str, Array]]:
+    """Where the model, undisturbed, takes each of these states (M, n) in a step, (M, n), and by
+    name what a unit of each disturbance adds to each state by then, (M, n)."""
+    columns = _Columns(model, step_s=step_s, windows=len(states))
+    after, _, by_input, _ = columns(states)
+    names = [signal.name for signal in columns.ode.disturbances]
+    return after, {name: by_input[:, :, place] for place, name in enumerate(names)}

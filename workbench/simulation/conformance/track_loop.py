@@ -28,7 +28,6 @@ _STATES: Final = (*_OUTPUTS, "speed_integral", "offset_integral")
 _CURVE: Final = ("curvature_at_start", "curvature_slope", "curvature_spread")
 _PUSH: Final = "acceleration_mps2"
 _TURN: Final = "steering_rate_radps"
-_PRESENT: Final = Uncertainty(acceleration_mps2=1e-3, steering_rate_radps=1e-3)
 _SPACING_M: Final = 0.05
 # Stations before and after the measured ones that a tube may reach.
 _BEFORE_M: Final = 2.0
@@ -172,12 +171,9 @@ class RunWindows:
         start_states = np.column_stack([states[:-1], curve])
         predicted, gain = one_step(model, start_states, step_s=step_s)
         missed = states[1:, [3, 2, 1]] - predicted[:, [3, 2, 1]]
-        names = [d.name for d in model.ode(_PRESENT).disturbances]
-        pushed, turned = names.index(SIGNALS[_PUSH]), names.index(SIGNALS[_TURN])
+        pushed, turned = gain[SIGNALS[_PUSH]][:, 3], gain[SIGNALS[_TURN]][:, 2]
         # The controller works against what pushes within the step already.
-        effect = np.column_stack(
-            [gain[:, 3, pushed], gain[:, 2, turned], np.full(len(missed), step_s)]
-        )
+        effect = np.column_stack([pushed, turned, np.full(len(missed), step_s)])
         return np.asarray(missed / effect)
 
 

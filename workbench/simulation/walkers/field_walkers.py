@@ -94,10 +94,8 @@ class FieldCrowd:
 
     def advance(self, from_s: float, until_s: float, car: CarNow) -> None:
         """All go on, once for each until_s, whoever of them is asked."""
-        if until_s <= self._until_s:
-            return
         t_s = max(from_s, self._until_s)
-        self._until_s = until_s
+        self._until_s = max(until_s, self._until_s)
         while until_s - t_s > 1e-12:
             if self._left_s <= 1e-9:
                 self._pushes = self._asked(car)

@@ -1,0 +1,1 @@
+"""Surveys of sampled scenarios: drawn, driven by every policy, judged, stored and summed up."""

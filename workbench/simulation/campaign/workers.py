@@ -1,0 +1,81 @@
+"""Where the work of a survey is done: in this process, in local ones, or on a Dask cluster."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from typing import Protocol, TypeVar, final
+
+_T = TypeVar("_T")
+_R = TypeVar("_R")
+
+
+class Workers(Protocol):
+    """Something that does tasks."""
+
+    def done(self, work: Callable[[_T], _R], tasks: Iterable[_T]) -> Iterator[tuple[_T, _R]]:
+        """Each task with its result, in the order in which they are done."""
+
+
+@final
+class InProcess:
+    """One after the other, here."""
+
+    def done(self, work: Callable[[_T], _R], tasks: Iterable[_T]) -> Iterator[tuple[_T, _R]]:
+        """As `Workers` says."""
+        for task in tasks:
+            yield task, work(task)
+
+
+@final
+class OnDask:
+    """By the workers of a Dask client. A task that fails raises here."""
+
+    def __init__(self, client: object) -> None:
+        self._client = client
+
+    def done(self, work: Callable[[_T], _R], tasks: Iterable[_T]) -> Iterator[tuple[_T, _R]]:
+        """As `Workers` says."""
+        from distributed import as_completed
+
+        listed = list(tasks)
+        futures = self._client.map(work, listed, pure=False)  # type: ignore[attr-defined]
+        of = {future.key: task for future, task in zip(futures, listed, strict=True)}
+        for future, result in as_completed(futures, loop=self._client.loop, with_results=True):  # type: ignore[attr-defined]
+            yield of[future.key], result
+            future.release()
+
+
+@contextlib.contextmanager
+def workers(jobs: int, scheduler: str | None) -> Iterator[Workers]:
+    """Workers for a block: this process for one job, local processes for more, the cluster of a
+    scheduler's address where one is named; Ctrl-C is then for this process alone."""
+    if scheduler is None and jobs == 1:
+        yield InProcess()
+        return
+    from distributed import Client, LocalCluster
+
+    with contextlib.ExitStack() as stack:
+        if scheduler is None:
+            cluster = LocalCluster(
+                n_workers=jobs,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )
+            address: object = stack.enter_context(cluster)
+        else:
+            address = scheduler
+        client = stack.enter_context(Client(address, set_as_default=False))
+        if scheduler is None:
+            client.run(_leave_interrupts)
+        yield OnDask(client)
+
+
+def _leave_interrupts() -> None:
+    """A worker's Ctrl-C: the process that started it tells it to end."""
+    with contextlib.suppress(ValueError):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
