@@ -34,11 +34,16 @@ COMMANDS: Final = {
     "keygen": "make the keys for signing bundles",
     "sign": "sign a bundle, for vehicles that load no other",
     "bench": "score tightness and time, side by side",
+    "drives": "record closed-loop runs of simulated cars",
+    "conform": "fit what a vehicle file is unsure of to measured motion",
+    "reproduce": "repeat the paper's tables and figures on simulated drives",
     "campaign": "attack tubes with trajectories of random loops",
+    "survey": "drive sampled scenarios with every policy and with others",
     "new": "write a runnable example of a model, a vehicle or a study",
     "doctor": "show what this machine has and what is missing",
     "can": "decode a log of CAN frames",
     "replay": "run a monitor bundle over a recording",
+    "simulate": "drive a scenario with the monitor, and see what happened",
     "demo": "run the whole chain on a generated crossing and write a report",
 }
 

@@ -1,0 +1,149 @@
+"""`workbench simulate`: scenarios driven by the monitor, with a page of what happened."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from workbench.cli.analysis_options import count, positive, seed, text_table
+from workbench.cli.common import add_output_option
+from workbench.cli.output import emit
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.simulation.scenarios.scenario import Scenario
+
+HELP: Final = (
+    "Drives a car through a scenario: the monitor that runs on the vehicle, over CAN frames, with "
+    "a plant, sensors and people that the analysis did not write. Writes report.html, run.jsonl "
+    "and turns.csv. Exit status 1 when it goes otherwise than the scenario expects."
+)
+EXAMPLE: Final = """\
+workbench simulate --list
+workbench simulate paper_crossing_simulation --out out/crossing
+workbench simulate my_scenario.toml --plant multi-body --policy LookAhead
+workbench simulate my_scenario.toml --plant every --policy every --desk
+workbench simulate --all --desk --jobs 4
+"""
+PLANTS: Final = ("bicycle", "single-track", "multi-body")
+POLICIES: Final = ("LookAhead", "FailSafe", "both")
+EVERY: Final = "every"
+"""Each of them in turn, in a table."""
+_DRIVES: Final = "--desk, --real-time, --intents"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """What is driven, by whom, and how."""
+    parser.add_argument(
+        "scenario", nargs="*", metavar="SCENARIO",
+        help="name of the library, TOML file or CommonRoad XML; several make a table, no pages",
+    )  # fmt: skip
+    parser.add_argument("--list", action="store_true", help="list the library and its expectations")
+    parser.add_argument("--all", action="store_true", help="the whole library on every plant")
+    parser.add_argument(
+        "--plant", choices=(*PLANTS, EVERY),
+        help="what drives (default: single-track; each of them with --all)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--policy", choices=(*POLICIES, EVERY), default="both",
+        help="whose TRACK counts (default: both)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--seed", type=seed, default=0, metavar="N",
+        help="of errors, actuators and people; 0 takes the middle of all actuators (default: 0)",
+    )  # fmt: skip
+    parser.add_argument("--horizon", type=positive, metavar="S", help="of LookAhead (default: 3)")
+    parser.add_argument(
+        "--vehicle", type=Path, metavar="FILE", help="vehicle file (default: the simulated GEM e2)"
+    )
+    parser.add_argument(
+        "--sensors", type=Path, metavar="FILE", help="sensors file (default: of the same)"
+    )
+    parser.add_argument(
+        "--bundle", type=Path, metavar="DIR", help="built for driving (default: it is built)"
+    )
+    parser.add_argument(
+        "--intents", action="store_true",
+        help="estimate what people want from the scenario's goals, and tell the monitor",
+    )  # fmt: skip
+    parser.add_argument(
+        "--desk", action="store_true", help="without frames, faster, and without a page"
+    )
+    parser.add_argument(
+        "--real-time", action="store_true",
+        help="the real workbench-monitor process on a serial line, as long as the scenario takes",
+    )  # fmt: skip
+    parser.add_argument(
+        "--jobs", type=count, default=1, metavar="N", help="processes for a table (default: 1)"
+    )
+    add_output_option(parser, default="out/simulation")
+
+
+def run(args: argparse.Namespace) -> int:
+    """List, drive one, or drive many; 0 where all went as expected."""
+    _require(args)
+    if args.list:
+        return _list(args)
+    if several(args):
+        from workbench.cli.simulate_table import drive_many
+
+        return drive_many(args)
+    from workbench.cli.simulate_drive import drive_one
+
+    return drive_one(args)
+
+
+def several(args: argparse.Namespace) -> bool:
+    """Whether a table is asked for."""
+    asked = EVERY in (args.plant, args.policy)
+    return bool(args.all or len(args.scenario) > 1 or asked)
+
+
+def _require(args: argparse.Namespace) -> None:
+    """Raise InputError where options contradict each other."""
+    ways = [args.list, args.all, bool(args.scenario)]
+    if sum(ways) != 1:
+        raise InputError(
+            "expected one of SCENARIO, --all and --list; `workbench simulate --list` shows the "
+            "library"
+        )
+    if sum((args.desk, args.real_time, args.intents)) > 1:
+        raise InputError(f"expected one of {_DRIVES}, got several; leave out all but one")
+    if several(args) and (args.real_time or args.intents):
+        raise InputError(
+            "--real-time, --intents: expected one SCENARIO, plant and policy, got several; name one"
+        )
+    if args.bundle is not None and (args.horizon is not None or args.sensors is not None):
+        raise InputError(
+            "--bundle: expected without --horizon and --sensors, which are the bundle's own; leave "
+            "them out, or leave it out to build one"
+        )
+    if args.bundle is not None and args.real_time:
+        raise InputError(
+            "--real-time: expected without --bundle: the process drives the path of its bundle, "
+            "so that one is built with the scenario's; leave --bundle out"
+        )
+
+
+def _list(args: argparse.Namespace) -> int:
+    from workbench.simulation.scenarios.shipped import library, named
+
+    found = [named(name) for name in library()]
+    rows: list[list[str | int | float | None]] = [
+        [each.name, each.title, *(_expected(each, policy) for policy in POLICIES)] for each in found
+    ]
+    data = [
+        {
+            "name": each.name, "title": each.title, "story": each.story,
+            "duration_s": each.duration_s, "goals": [goal.name for goal in each.goals],
+            "expected": {policy: _expected(each, policy) for policy in POLICIES},
+        }
+        for each in found
+    ]  # fmt: skip
+    emit(args, text_table(["scenario", "what happens", *POLICIES], rows), data)
+    return 0
+
+
+def _expected(scenario: Scenario, policy: str) -> str:
+    return scenario.expected[policy].value

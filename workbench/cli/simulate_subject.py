@@ -1,0 +1,156 @@
+"""What `workbench simulate` drives: the scenario, the rig, and who estimates intents."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.estimation.people_estimator import PeopleEstimator
+    from workbench.models.vehicle import Vehicle
+    from workbench.runtime import Bundle
+    from workbench.simulation.rig import Rig
+    from workbench.simulation.scenarios.scenario import Expected, Scenario
+
+THRESHOLD: Final = 0.26
+LEVEL: Final = 0.9
+_HEADROOM: Final = 1.2
+_BEYOND_S: Final = 0.5
+_MOST_AGE_S, _GONE_AGE_S = 0.5, 1.0
+_GEOMETRY_TOLERANCE_M: Final = 0.02
+_NEEDED: Final = ("drive_by_wire", "monitor", "sensors")
+
+
+def chosen_scenario(text: str) -> tuple[Scenario, tuple[str, ...]]:
+    """The scenario of that name or file, and what its import left out.
+
+    Raises InputError for an unknown name and a broken file.
+    """
+    from workbench.simulation.scenarios.scenario_file import load_scenario
+    from workbench.simulation.scenarios.shipped import library, named
+
+    if text in library():
+        return named(text), ()
+    file = Path(text)
+    if text.endswith((".xml", ".xml.gz")):
+        # CommonRoad is read only where it is asked for.
+        from workbench.simulation.scenarios.commonroad import from_commonroad
+
+        imported = from_commonroad(file)
+        return imported.scenario, imported.notes
+    if file.suffix == ".toml":
+        return load_scenario(file), ()
+    raise InputError(
+        f"expected the name of a scenario (`workbench simulate --list`), a .toml or a CommonRoad "
+        f".xml, got {text!r}{_near(text)}"
+    )
+
+
+def _near(text: str) -> str:
+    import difflib
+
+    from workbench.simulation.scenarios.shipped import library
+
+    near = difflib.get_close_matches(text, library(), n=1)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def expected_of(scenario: Scenario, policy: str) -> Expected:
+    """What the scenario expects of a policy; ANY, so no contact, where it says nothing."""
+    from workbench.simulation.scenarios.scenario import Expected
+
+    return scenario.expected.get(policy, Expected.ANY)
+
+
+def chosen_vehicle(args: argparse.Namespace) -> Vehicle:
+    """That of `--vehicle`, or the shipped simulated one."""
+    from workbench.models.vehicle import load_vehicle
+    from workbench.simulation.simulated import simulated_path
+
+    return load_vehicle(args.vehicle or simulated_path())
+
+
+def chosen_sensors(args: argparse.Namespace) -> str | None:
+    """The text of `--sensors`, None for the shipped ones."""
+    if args.sensors is None:
+        return None
+    try:
+        text: str = args.sensors.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"--sensors: expected a file that can be read, got {error}") from error
+    return text
+
+
+def chosen_rig(args: argparse.Namespace, folder: Path | None = None) -> Rig:
+    """The bundle of `--bundle`, or one that is built (into `folder`, where one is given).
+
+    Raises InputError for a bundle that cannot drive, or is for a car of another shape.
+    """
+    from workbench.runtime import load_bundle
+    from workbench.simulation.rig import Rig
+    from workbench.simulation.simulated import HORIZON_S, build_rig
+
+    vehicle = chosen_vehicle(args)
+    if args.bundle is None:
+        return build_rig(
+            folder, vehicle=vehicle, horizon_s=args.horizon or HORIZON_S,
+            sensors=chosen_sensors(args),
+        )  # fmt: skip
+    bundle = load_bundle(args.bundle)
+    require_fit(bundle, vehicle, args.bundle)
+    return Rig(bundle, vehicle)
+
+
+def require_fit(bundle: Bundle, vehicle: Vehicle, folder: Path) -> None:
+    """Raise InputError unless the bundle can drive this car."""
+    missing = [name for name in _NEEDED if getattr(bundle.manifest, name) is None]
+    if missing:
+        raise InputError(
+            f"--bundle: expected one that is built for driving, got {folder}, which lacks "
+            f"{', '.join(missing)}; build it with --sensors and --path, or leave --bundle out"
+        )
+    for key in ("wheelbase_m", "front_m", "rear_m", "half_width_m"):
+        have, want = getattr(bundle.manifest.vehicle, key), getattr(vehicle.geometry, key)
+        if abs(have - want) > _GEOMETRY_TOLERANCE_M:
+            raise InputError(
+                f"--bundle: expected one for a car with {key} = {want:g}, got {folder} with "
+                f"{have:g}; name its vehicle file with --vehicle"
+            )
+
+
+def require_goals(scenario: Scenario) -> None:
+    """Raise InputError for a scenario without goals."""
+    if not scenario.goals:
+        raise InputError(
+            f"--intents: expected a scenario with [[goals]], got {scenario.name} without; add "
+            "where people may want to go, or leave --intents out"
+        )
+
+
+def chosen_estimator(rig: Rig, scenario: Scenario) -> PeopleEstimator:
+    """Who finds out what people want: one of the scenario's goals, or none of them."""
+    from workbench.estimation.intent_cloud import FilterSettings, NumpyUpdate
+    from workbench.estimation.motion_filter import MotionNumbers
+    from workbench.estimation.motion_parameters import shipped_motion
+    from workbench.estimation.people_estimator import Bodies, EstimatorSettings, PeopleEstimator
+    from workbench.estimation.person_intents import EveryIntent
+    from workbench.runtime import MotionLimits
+    from workbench.simulation.people import PeopleModel
+
+    motion, models, guard = shipped_motion(), PeopleModel.assumed(), rig.vehicle.guard
+    error_m = scenario.sensing.person_m
+    # Errors uniform in a disc have half its radius as their deviation in x and in y.
+    numbers = MotionNumbers(max(0.5 * error_m, 0.01), *motion.numbers.row[1:])
+    until_s = rig.bundle.manifest.horizon_s + _BEYOND_S
+    return PeopleEstimator(
+        EstimatorSettings(
+            goals=scenario.goals, intents=FilterSettings.chosen(), update=NumpyUpdate(),
+            motion=numbers, forwarding=EveryIntent(motion, THRESHOLD, LEVEL, until_s),
+            guards=models.guards(MotionLimits(guard.speed_max_mps, guard.accel_max_mps2)),
+            bodies=Bodies(models.on_foot.body_radius_m, models.on_wheels.body_radius_m, error_m),
+            max_age_s=_MOST_AGE_S, gone_age_s=_GONE_AGE_S, headroom=_HEADROOM, seed=1,
+        )
+    )  # fmt: skip

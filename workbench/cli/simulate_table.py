@@ -1,0 +1,160 @@
+"""Several scenarios or the whole library by `workbench simulate`: expected beside found."""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import itertools
+import multiprocessing
+import tempfile
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, final
+
+from workbench.cli.analysis_options import text_table
+from workbench.cli.output import Progress, emit
+from workbench.cli.simulate import EVERY, PLANTS, POLICIES
+from workbench.cli.simulate_subject import (
+    chosen_rig,
+    chosen_scenario,
+    chosen_vehicle,
+    expected_of,
+)
+
+if TYPE_CHECKING:
+    from workbench.simulation.rig import Rig
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One drive: where the bundle and the vehicle file are, and what drives what."""
+
+    bundle: Path
+    vehicle: Path
+    scenario: str
+    plant: str
+    policy: str
+    seed: int
+    desk: bool
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What came of one drive; faster: than real time, without building."""
+
+    scenario: str
+    plant: str
+    policy: str
+    expected: str
+    found: str
+    as_expected: bool
+    faster: float
+
+
+def drive_many(args: argparse.Namespace) -> int:
+    """Drive all of them and print the table; 1 where one is not as expected."""
+    from workbench.cli.main import CLAIM_FAILS, DONE
+    from workbench.simulation.scenarios.shipped import library
+    from workbench.simulation.simulated import simulated_path
+
+    names = library() if args.all else tuple(dict.fromkeys(args.scenario))
+    for name in names:
+        chosen_scenario(name)
+    plant = args.plant or (EVERY if args.all else "single-track")
+    plants = PLANTS if plant == EVERY else (plant,)
+    policies = POLICIES if args.policy == EVERY else (args.policy,)
+    drives = list(itertools.product(names, plants, policies))
+    with (
+        tempfile.TemporaryDirectory(prefix="workbench-") as place,
+        Progress("simulate", len(drives) + 1) as bar,
+    ):
+        folder = args.bundle or Path(place) / "bundle"
+        chosen_rig(args, folder)
+        bar.advance()
+        tasks = [
+            Task(folder, args.vehicle or simulated_path(), name, plant, policy, args.seed,
+                 args.desk)
+            for name, plant, policy in drives
+        ]  # fmt: skip
+        rows = []
+        for row in _rows(tasks, args.jobs):
+            rows.append(row)
+            bar.advance()
+    order = {drive: k for k, drive in enumerate(drives)}
+    rows.sort(key=lambda row: order[row.scenario, row.plant, row.policy])
+    _say(args, rows)
+    return DONE if all(row.as_expected for row in rows) else CLAIM_FAILS
+
+
+def row_of(task: Task) -> Row:
+    """Drive it; in whatever process."""
+    from workbench.runtime import Deciding
+    from workbench.simulation.bus_drive import Recorded
+    from workbench.simulation.rig import Trial, outcome_on_bus
+
+    scenario, _ = chosen_scenario(task.scenario)
+    rig, deciding = _rig(task.bundle, task.vehicle), Deciding(task.policy)
+    trial, begun_s = Trial(scenario, task.plant, task.seed), time.monotonic()
+    if task.desk:
+        outcome = rig.at_desk(trial, rig.monitor(deciding))
+    else:
+        driven = rig.on_bus(trial, deciding=deciding, recorded=Recorded(pages=False))
+        outcome = outcome_on_bus(driven, scenario)
+    expected = expected_of(scenario, task.policy)
+    return Row(
+        task.scenario, task.plant, task.policy, expected.value, outcome.story,
+        outcome.is_as(expected), scenario.duration_s / (time.monotonic() - begun_s),
+    )  # fmt: skip
+
+
+@functools.cache
+def _rig(bundle: Path, vehicle: Path) -> Rig:
+    """Loaded once in each process."""
+    from workbench.runtime import load_bundle
+    from workbench.simulation.rig import Rig
+
+    return Rig(load_bundle(bundle), chosen_vehicle(argparse.Namespace(vehicle=vehicle)))
+
+
+def _rows(tasks: list[Task], jobs: int) -> Iterator[Row]:
+    """As they come."""
+    if jobs == 1:
+        yield from map(row_of, tasks)
+        return
+    # What a forked process would inherit here are threads of libraries that it does not have.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=context) as pool:
+        futures = [pool.submit(row_of, task) for task in tasks]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _say(args: argparse.Namespace, rows: list[Row]) -> None:
+    headings = ["scenario", "plant", "policy", "expected", "as expected", "found"]
+    cells: list[list[str | int | float | None]] = [
+        [
+            row.scenario,
+            row.plant,
+            row.policy,
+            row.expected,
+            "yes" if row.as_expected else "NO",
+            row.found,
+        ]
+        for row in rows
+    ]
+    good = sum(row.as_expected for row in rows)
+    pace = sum(row.faster for row in rows) / len(rows)
+    ending = (
+        f"{good} of {len(rows)} drives are as expected; on average {pace:.1f} "
+        "times as fast as real time, each in one process"
+    )
+    data = {"seed": args.seed, "as_expected": good, "rows": rows}
+    emit(args, f"{text_table(headings, cells)}\n\n{ending}", data)
