@@ -12,7 +12,7 @@ from typing import Any, Final, final
 
 from workbench.errors import InputError
 from workbench.simulation.campaign.contenders import Field
-from workbench.simulation.campaign.rows import Row, drive_all
+from workbench.simulation.campaign.rows import Row, drive_all, trial_of
 from workbench.simulation.campaign.sampled import DIMENSIONS, FAMILY, SampledScenario
 from workbench.simulation.campaign.store import Store, write_whole
 from workbench.simulation.campaign.surveying import rigs_of
@@ -124,7 +124,8 @@ def load_catches(path: Path) -> list[Catch]:
 def _tried(task: _Try) -> Row:
     field = Field(rigs_of(task.folder), dict(task.parameters))
     quarry = task.quarry
-    (row,) = drive_all(0, task.scenario, quarry.plant, (quarry.contender,), field)
+    trial = trial_of(0, task.scenario, quarry.plant)
+    (row,) = drive_all(0, trial, (quarry.contender,), field)
     return row
 
 

@@ -55,11 +55,13 @@ class Row:
     alerts: int
 
 
-def drive_all(
-    index: int, scenario: SampledScenario, plant: str, contenders: tuple[str, ...], field: Field
-) -> list[Row]:
+def trial_of(index: int, scenario: SampledScenario, plant: str) -> Trial:
+    """What an index stands for on a plant."""
+    return Trial(scenario.scenario(f"{index}"), plant, scenario.seed)
+
+
+def drive_all(index: int, trial: Trial, contenders: tuple[str, ...], field: Field) -> list[Row]:
     """All contenders through one scenario on one plant."""
-    trial = Trial(scenario.scenario(f"{index}"), plant, scenario.seed)
     alone = _driven(NEVER, trial, field)
     rows = []
     for name in contenders:

@@ -11,12 +11,12 @@ from typing import Final, final
 
 from workbench.simulation.campaign.baselines import baseline
 from workbench.simulation.campaign.contenders import NEVER, Field, is_baseline
-from workbench.simulation.campaign.rows import Row, drive_all, missed
+from workbench.simulation.campaign.rows import Row, drive_all, missed, trial_of
 from workbench.simulation.campaign.sampled import SampledScenario, sampled
 from workbench.simulation.campaign.store import Manifest, Store
 from workbench.simulation.campaign.tuning import tune
 from workbench.simulation.campaign.workers import Workers
-from workbench.simulation.rig import Rig, Trial
+from workbench.simulation.rig import Rig
 
 Advance = Callable[[int], None]
 """Called with the number of scenarios that are done more."""
@@ -43,7 +43,9 @@ def drive_part(task: Task) -> list[Row]:
     return [
         row
         for index, scenario in _scenarios(task)
-        for row in drive_all(index, scenario, task.plant, task.manifest.drives(index), field)
+        for row in drive_all(
+            index, trial_of(index, scenario, task.plant), task.manifest.drives(index), field
+        )
     ]
 
 
@@ -53,7 +55,7 @@ def missed_part(task: Task) -> list[int]:
     return [
         index
         for index, scenario in _scenarios(task)
-        if missed(name, Trial(scenario.scenario(f"{index}"), task.plant, scenario.seed), field)
+        if missed(name, trial_of(index, scenario, task.plant), field)
     ]
 
 
@@ -114,7 +116,7 @@ def driven_again(store: Store, plant: str, index: int, scenario: SampledScenario
     parameters = {name: each["parameter"] for name, each in tuned.items()}
     names = [name for name in store.manifest().contenders if not is_baseline(name) or name in tuned]
     field = Field(rigs_of(str(store.folder)), parameters)
-    return drive_all(index, scenario, plant, tuple(names), field)
+    return drive_all(index, trial_of(index, scenario, plant), tuple(names), field)
 
 
 def training_half(count: int, most: int) -> list[int]:
