@@ -138,7 +138,9 @@ class Sensors:
         for person in people:
             place = (person.x_m, person.y_m)
             away_m = math.dist(place, (motion.x_m, motion.y_m))
-            if away_m > self.sensing.watched_m + _RIM_M or hidden(place, eye, self.sensing.occluders):
+            if away_m > self.sensing.watched_m + _RIM_M or hidden(
+                place, eye, self.sensing.occluders
+            ):
                 continue
             measured = self._measured(person)
             self._seen[person.name] = _Remembered(measured, t_s)

@@ -1,0 +1,172 @@
+"""`workbench reproduce`: the paper's tables and figures from this project's own drives."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from workbench.cli.analysis_options import command_line, count, number, text_table, writable_file
+from workbench.cli.common import (
+    add_output_option,
+    marked,
+    output_folder,
+    replacing,
+    write_text,
+)
+from workbench.cli.output import emit
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.cli.reproduce_work import Found
+
+HELP: Final = (
+    "Repeats the paper's evaluation on simulated drives: Table I (time of three nested reach "
+    "sets), Table II (how often they contain the car), the figure of results and the one of "
+    "intents, with the paper's numbers beside. Exit status 1 when the tubes with N and W of the "
+    "vehicle file contain less than asked."
+)
+EXAMPLE: Final = """\
+workbench reproduce paper --quick
+workbench reproduce paper --out out/paper
+workbench reproduce paper --vehicle shuttle.toml --seeds 10 --require 0.995
+"""
+BEGIN: Final = "<!-- figures of the paper: begin -->"
+END: Final = "<!-- figures of the paper: end -->"
+RESULTS, INTENT = "paper-results.png", "paper-intent.png"
+_SEEDS: Final = 4
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """What is repeated, with which vehicle, and how much of it."""
+    from workbench.cli.reproduce_work import FIRST_SEED, PLANTS, SCENARIOS
+
+    parser.add_argument("what", choices=("paper",), help="whose evaluation")
+    parser.add_argument(
+        "--vehicle", type=Path, metavar="FILE",
+        help="vehicle file with [drive_by_wire] and fitted [uncertainty] (default: the simulated "
+        "GEM e2 that is shipped)",
+    )  # fmt: skip
+    add_output_option(parser, default="out/paper")
+    parser.add_argument(
+        "--quick", action="store_true",
+        help="one short drive on the first plant, few times: a first look, no result",
+    )  # fmt: skip
+    parser.add_argument(
+        "--seeds", type=count, default=_SEEDS, metavar="N",
+        help=f"drives of each scenario and plant, seeds {FIRST_SEED} and on (default: {_SEEDS})",
+    )  # fmt: skip
+    parser.add_argument(
+        "--plant", action="append", default=[], metavar="NAME",
+        help="only this plant (can be given more than once; default: " + ", ".join(PLANTS) + ")",
+    )  # fmt: skip
+    parser.add_argument(
+        "--scenario", action="append", default=[], metavar="NAME",
+        help="drive this scenario for Table II (can be given more than once; default: "
+        + ", ".join(SCENARIOS) + ")",
+    )  # fmt: skip
+    parser.add_argument(
+        "--require", type=number, default=0.999, metavar="SHARE",
+        help="share of steps that the tubes with N and W must contain on every plant, at every T "
+        "and confidence, of decisions at speed (default: 0.999)",
+    )  # fmt: skip
+    parser.add_argument("--table", action="store_true", help="print the tables as Markdown")
+    parser.add_argument(
+        "--into", type=Path, metavar="FILE",
+        help="put the tables into this document, between its marks, and the pictures beside it, in "
+        "the folder `pictures`",
+    )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure, write, print; 1 where the tubes contain less than asked."""
+    from workbench.cli.main import CLAIM_FAILS, DONE
+    from workbench.cli.reproduce_work import measured
+
+    if not 0.0 <= args.require <= 1.0:
+        raise InputError(f"--require: expected a share from 0 to 1, got {args.require:g}")
+    if args.into is not None:
+        writable_file(args.into, "--into")
+        marked(args.into, BEGIN, END)
+    with output_folder(args.out) as folder:
+        found = measured(args)
+        _write(args, found, folder)
+    if args.into is not None:
+        _write_into(args, found, args.into)
+    reached = found.least >= args.require
+    ending = (
+        f"the tubes with N and W contain at least {found.least:.2%} of the steps, at every T and "
+        f"confidence, of decisions at speed: {'as' if reached else 'less than'} asked "
+        f"({args.require:.2%})"
+    )
+    emit(args, "\n\n".join([_text(args, found), ending, f"report: {args.out / 'report.html'}"]),
+         {"times": found.times, "accuracy": found.accuracy, "least": found.least,
+          "required": args.require, "seeds": found.seeds, "scenarios": found.scenarios,
+          "plants": found.plants, "report": str(args.out / "report.html")})  # fmt: skip
+    return DONE if reached else CLAIM_FAILS
+
+
+def this_command(args: argparse.Namespace) -> str:
+    """The command line that makes the same again."""
+    return command_line("reproduce", args, positional=("what",), repeated=("plant", "scenario"))
+
+
+def _write(args: argparse.Namespace, found: Found, folder: Path) -> None:
+    """Page, tables and pictures."""
+    from workbench.cli.reproduce_page import paper_page
+    from workbench.cli.reproduce_tables import accuracy_csv, times_csv
+    from workbench.report.page import write_page
+
+    write_text(folder / "table-1.csv", times_csv(found.times))
+    write_text(folder / "table-2.csv", accuracy_csv(found))
+    _write_pictures(found, folder)
+    page = paper_page(found, command=this_command(args), require=args.require)
+    write_page(folder / "report.html", page.html())
+
+
+def _write_pictures(found: Found, folder: Path) -> None:
+    from workbench.report.paper import results_picture
+    from workbench.report.paper_intent import intent_picture
+
+    pictures = {RESULTS: results_picture(found.panels), INTENT: intent_picture()}
+    for name, canvas in pictures.items():
+        with replacing(folder / name) as target:
+            canvas.savefig(target, format="png", dpi=110, metadata={"Software": None})
+
+
+def _markdown(found: Found) -> str:
+    """All tables, without the machine that the times were taken on."""
+    from workbench.cli.reproduce_tables import accuracy_tables, count_table, markdown, time_table
+    from workbench.simulation.paper.accuracy import STARTS
+
+    tables = [time_table(found.times)]
+    for starts in (each.name for each in STARTS):
+        tables += [*accuracy_tables(found, starts=starts), count_table(found, starts=starts)]
+    return "\n\n".join(map(markdown, tables))
+
+
+def _text(args: argparse.Namespace, found: Found) -> str:
+    """For the terminal."""
+    from workbench.cli.reproduce_tables import accuracy_tables, time_table
+    from workbench.simulation.paper.accuracy import STARTS
+
+    if args.table:
+        return _markdown(found)
+    tables = [time_table(found.times), *accuracy_tables(found, starts=STARTS[0].name)]
+    return "\n\n".join(
+        f"{each.caption}\n{text_table(list(each.headings), [list(row) for row in each.rows])}"
+        for each in tables
+    )
+
+
+def _write_into(args: argparse.Namespace, found: Found, document: Path) -> None:
+    """The tables between the marks, the pictures beside the document."""
+    before, after = marked(document, BEGIN, END)
+    _write_pictures(found, document.parent / "pictures")
+    pictures = "\n\n".join(
+        f"![{title}](pictures/{name})"
+        for title, name in (("The four scenarios", RESULTS), ("Somebody's intents", INTENT))
+    )
+    made = f"Made with\n\n```console\n$ {this_command(args)}\n```"
+    body = f"\n\n{made}\n\n{_markdown(found)}\n\n{pictures}\n\n"
+    write_text(document, before + BEGIN + body + END + after)

@@ -1,0 +1,187 @@
+"""What `workbench reproduce paper` drives and measures."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, final
+
+from workbench.cli.output import Progress
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from workbench.bench.paper_times import PaperTimes, TimedStart
+    from workbench.models.vehicle import Vehicle
+    from workbench.runtime import Bundle
+    from workbench.simulation.paper.accuracy import AccuracyRow
+    from workbench.simulation.paper.panels import Panel
+    from workbench.simulation.paper.replayed import ReplayedRun
+    from workbench.simulation.paper.tubes import KernelTubes
+    from workbench.simulation.rig import Rig, Trial
+
+FIRST_SEED: Final = 1000
+"""Figures of a vehicle file are fitted to runs of lower seeds."""
+SCENARIOS: Final = ("nobody_s_bend", "paper_alongside_simulation", "paper_alongside_vehicle")
+PLANTS: Final = ("single-track", "multi-body")
+PLAIN: Final = "the paper's model: bicycle and controller alone"
+FITTED: Final = "with N and W of the vehicle file"
+_PANEL_HORIZON_S: Final = 3.0
+_STARTS, _STARTS_QUICK = 60, 6
+_VALIDATED, _VALIDATED_QUICK = 1, 0
+_QUICK_S: Final = 13.0
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Found:
+    """All that was measured."""
+
+    times: PaperTimes
+    accuracy: tuple[AccuracyRow, ...]
+    panels: tuple[Panel, ...]
+    runs: tuple[ReplayedRun, ...]
+    seeds: tuple[int, ...]
+    scenarios: tuple[str, ...]
+    plants: tuple[str, ...]
+
+    @property
+    def least(self) -> float:
+        """Of the tubes with N and W, at speed: the smallest share of contained steps; 0 where there
+        is nothing to count."""
+        from workbench.simulation.paper.accuracy import STARTS
+
+        shares = [
+            row.least
+            for row in self.accuracy
+            if (row.method, row.starts) == (FITTED, STARTS[0].name)
+        ]
+        return min((share for share in shares if share is not None), default=0.0)
+
+
+def measured(args: argparse.Namespace) -> Found:
+    """Build, drive, compare, time. Raises InputError without a C compiler, and without the extra
+    `commonroad` where its plant is asked for."""
+    from workbench.models.vehicle import load_vehicle
+    from workbench.simulation.paper.accuracy import CONFIDENCES, HORIZONS_S, accuracy_rows
+    from workbench.simulation.paper.tubes import KernelTubes, paper_bundle
+    from workbench.simulation.simulated import build_rig, simulated_path
+
+    seeds = tuple(range(FIRST_SEED, FIRST_SEED + (1 if args.quick else args.seeds)))
+    trials = _trials(args, seeds)
+    file: Path = args.vehicle or simulated_path()
+    vehicle = load_vehicle(file)
+    with Progress("building the kernels", 2) as bar:
+        rig = build_rig(vehicle=vehicle)
+        bar.advance()
+        bundle = paper_bundle(vehicle, horizon_s=max(HORIZONS_S))
+        bar.advance()
+    methods = tuple(
+        KernelTubes(bundle, vehicle, unsure=unsure, title=title)
+        for unsure, title in ((False, PLAIN), (True, FITTED))
+    )
+    runs = _replays(rig, trials)
+    with Progress("tubes against drives", len(runs) * len(methods) * len(CONFIDENCES)) as bar:
+        accuracy = accuracy_rows(runs, methods, advance=bar.advance)
+    panels = _panels(args, rig, methods[1], seeds[0])
+    times = _times(args, vehicle, bundle, runs, methods[1])
+    return Found(
+        times, accuracy, panels, runs, seeds,
+        tuple(dict.fromkeys(trial.scenario.name for trial in trials)),
+        tuple(dict.fromkeys(trial.plant for trial in trials)),
+    )  # fmt: skip
+
+
+def _trials(args: argparse.Namespace, seeds: tuple[int, ...]) -> tuple[Trial, ...]:
+    import dataclasses
+
+    from workbench.simulation.plants.make import PLANTS as KNOWN
+    from workbench.simulation.rig import Trial
+    from workbench.simulation.scenarios.shipped import named
+
+    plants = args.plant or (PLANTS[:1] if args.quick else PLANTS)
+    unknown = [plant for plant in plants if plant not in KNOWN]
+    if unknown:
+        raise InputError(f"--plant: expected one of {', '.join(KNOWN)}, got {unknown[0]!r}")
+    names = args.scenario or (SCENARIOS[-1:] if args.quick else SCENARIOS)
+    scenarios = [named(name) for name in names]
+    if args.quick:
+        scenarios = [
+            dataclasses.replace(each, duration_s=min(each.duration_s, _QUICK_S))
+            for each in scenarios
+        ]
+    return tuple(
+        Trial(scenario, plant, seed)
+        for plant in dict.fromkeys(plants)
+        for scenario in scenarios
+        for seed in seeds
+    )
+
+
+def _replays(rig: Rig, trials: tuple[Trial, ...]) -> tuple[ReplayedRun, ...]:
+    from workbench.simulation.paper.replayed import replay
+
+    with Progress("drives", sum(int(trial.scenario.duration_s) for trial in trials)) as bar:
+        return tuple(replay(rig, trial, advance=bar.advance) for trial in trials)
+
+
+def _panels(args: argparse.Namespace, rig: Rig, tubes: KernelTubes, seed: int) -> tuple[Panel, ...]:
+    """The four scenarios, on one plant."""
+    from workbench.simulation.paper.panels import PANELS, panel
+    from workbench.simulation.rig import Trial
+    from workbench.simulation.scenarios.shipped import named
+
+    plant = (args.plant or PLANTS)[0]
+    drawn = []
+    with Progress("the four scenarios", len(PANELS)) as bar:
+        for name in PANELS:
+            trial = Trial(named(name), plant, seed)
+            drawn.append(panel(rig, trial, tubes, horizon_s=_PANEL_HORIZON_S))
+            bar.advance()
+    return tuple(drawn)
+
+
+def _times(
+    args: argparse.Namespace, vehicle: Vehicle, bundle: Bundle, runs: tuple[ReplayedRun, ...],
+    tubes: KernelTubes,
+) -> PaperTimes:  # fmt: skip
+    from workbench.bench.paper_times import paper_times
+    from workbench.simulation.paper.accuracy import HORIZONS_S
+    from workbench.simulation.paper.tubes import certain, paper_spec
+
+    starts = timed_starts(runs, tubes, count=_STARTS_QUICK if args.quick else _STARTS)
+    validated = _VALIDATED_QUICK if args.quick else _VALIDATED
+    units = 3 * len(HORIZONS_S) + bool(validated)
+    with Progress("time of three nested sets", units) as bar:
+        return paper_times(
+            paper_spec(vehicle, bundle.manifest.horizon_s), starts,
+            horizons_s=HORIZONS_S,
+            certain=certain(bundle, vehicle),
+            validated=validated, advance=bar.advance,
+        )  # fmt: skip
+
+
+def timed_starts(
+    runs: tuple[ReplayedRun, ...], tubes: KernelTubes, *, count: int
+) -> tuple[TimedStart, ...]:
+    """Decisions at speed, evenly spread over all runs."""
+    from workbench.bench.paper_times import TimedStart
+    from workbench.report.drawing import thinned
+    from workbench.simulation.paper.accuracy import AT_SPEED_MPS
+
+    at_speed = [
+        (run, asked)
+        for run in runs
+        for asked in run.asked
+        if run.speed_mps[asked.turn] >= AT_SPEED_MPS
+    ]
+    found = []
+    for k in thinned(len(at_speed), count):
+        run, asked = at_speed[k]
+        table, station_m = run.path, asked.sets[0].center[0]
+        node = min(max(int((station_m - table.start_m) / table.spacing_m), 0),
+                   len(table.curvature_lower) - 1)  # fmt: skip
+        bend = 0.5 * (table.curvature_lower[node] + table.curvature_upper[node])
+        queries = tuple(tubes.query(table, asked, level) for level in range(len(asked.sets)))
+        found.append(TimedStart(asked.sets, queries, asked.reference_speed_mps, bend))
+    return tuple(found)
