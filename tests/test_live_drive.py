@@ -130,8 +130,8 @@ def test_the_process_is_armed_drives_and_its_log_makes_the_same_decisions(tmp_pa
     assert times[-1] == pytest.approx(5.0, abs=0.5)
     assert all(before <= after for before, after in itertools.pairwise(times))
     assert len(rows) > 60
-    # Decided by the process, at most every third turn.
-    assert 10 < len(read_log(out / "run.jsonl").entries) <= len(rows) / 3 + 2
+    # Decided by the process, every third turn or, after one that was held back, the next.
+    assert 10 < len(read_log(out / "run.jsonl").entries) < len(rows)
     replayed = invoke("replay", *(out / "log").glob("*.mcap"), "--bundle", out / "bundle")
     assert replayed.status == 0, replayed.out + replayed.err
     again = invoke(*words)
