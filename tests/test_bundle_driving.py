@@ -167,7 +167,7 @@ def _curvature_of(vehicle: Vehicle) -> tuple[float, float]:
 
 def test_a_disturbance_found_in_drives_stands_in_place_of_the_computed_one(tmp_path: Path) -> None:
     found = (
-        "[uncertainty]\nacceleration_mps2 = 0.15\nupstream_acceleration_mps2 = 0.05\n"
+        "[uncertainty]\nacceleration_mps2 = 0.15\n"
         "includes_drive_by_wire = true\nprovenance = 'drives'\n\n[drive_by_wire]\n"
     )
     file = tmp_path / "vehicle.toml"
@@ -175,11 +175,13 @@ def test_a_disturbance_found_in_drives_stands_in_place_of_the_computed_one(tmp_p
     file.write_text(text.replace("[drive_by_wire]\n", found, 1), encoding="utf-8")
     vehicle = load_vehicle(file)
     unsure = vehicle.unsure()
-    assert 0.2 <= unsure.acceleration_mps2 <= 0.2 + 1e-12
+    assert unsure.acceleration_mps2 == 0.15
     assert unsure.steering_rate_radps == 0.0
     assert unsure.speed_mps == drive_vehicle().unsure().speed_mps
     said = {each.name: each.statement for each in assumptions(MonitorSpec(vehicle, 2.0, 0.05))}
     assert "not from its maps" in said["actuation"]
+    with pytest.raises(InputError, match="includes_drive_by_wire: expected false where upstream"):
+        dataclasses.replace(vehicle.uncertainty, upstream_acceleration_mps2=0.05)
     file.write_text(file.read_text(encoding="utf-8").replace("= true", "= 1"), encoding="utf-8")
     with pytest.raises(InputError, match="includes_drive_by_wire: expected true or false, got 1"):
         load_vehicle(file)

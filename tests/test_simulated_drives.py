@@ -134,6 +134,16 @@ def test_a_car_that_does_not_know_where_it_is_brakes() -> None:
     braking = [i.t_s for i in driven.instants if i.t_s > 8.0 and i.state is State.BRAKING]
     assert braking
     assert 8.0 < braking[0] < 9.1
+    at_desk = rig().at_desk(trial, rig().monitor(Deciding.BOTH))
+    assert [8.0 < at_s < 9.1 for at_s in at_desk.brakes] == [True]
+
+
+def test_a_car_whose_readings_the_proof_does_not_grant_stays_where_it_is() -> None:
+    coarse = Sensing(heading_rad=0.2)
+    trial = Trial(scenario(sensing=coarse, duration_s=6.0), "bicycle", 1)
+    assert rig().at_desk(trial, rig().monitor(Deciding.FAIL_SAFE)).is_as(Expected.STAYS)
+    driven = rig().on_bus(trial, deciding=Deciding.FAIL_SAFE, recorded=Recorded(pages=False))
+    assert outcome_on_bus(driven, trial.scenario).is_as(Expected.STAYS)
 
 
 def test_people_who_are_not_there_stop_it_while_they_are_reported() -> None:

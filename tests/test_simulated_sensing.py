@@ -44,7 +44,7 @@ def test_a_localisation_is_within_its_radii_and_changes_with_the_ranges(seed: in
         assert math.hypot(*off) <= 0.2 == place.x_radius_m == place.y_radius_m
         assert abs(place.heading_rad - CAR.heading) <= 0.03 == place.heading_radius_rad
         assert abs(place.speed_mps - CAR.speed_mps) <= 0.1 == place.speed_radius_mps
-    assert 9 <= len(errors) <= 14
+    assert 11 <= len(errors) <= 13
     assert len({place.number for place in found if place}) == 40
 
 
@@ -74,6 +74,20 @@ def test_kinds_tracks_and_the_watched_radius() -> None:
     kinds = {each.track: each.kind for each in first.people}
     assert kinds == {0: PersonKind.ON_WHEELS, 1: PersonKind.ON_FOOT}
     assert {each.track for each in again.people} == {0, 1}
+
+
+def test_more_people_than_a_set_takes_make_the_watched_disc_smaller() -> None:
+    looking = sensors(Sensing(watched_m=30.0))
+    crowd = [PersonNow(f"p{k}", "ped", 5.0 + 0.7 * k, -2.0, 0.0, 0.0, 0.3) for k in range(40)]
+    seen = looking.people(crowd[::-1], CAR, EYE, 0)
+    assert seen is not None
+    assert len(seen.people) == 32
+    reported = {each.track for each in seen.people}
+    # Numbers are given in the order of looking: the farthest came first.
+    left_out = [person for k, person in enumerate(crowd[::-1]) if k not in reported]
+    nearest_m = min(math.dist((p.x_m, p.y_m), (CAR.x_m, CAR.y_m)) for p in left_out) - 0.3
+    assert 0.0 < seen.watched_radius_m <= nearest_m
+    assert seen.watched_radius_m < 30.0
 
 
 def test_what_is_lost_is_lost() -> None:
@@ -175,3 +189,7 @@ def test_somebody_is_assumed_at_the_edges_of_a_shadow_where_the_scenario_says_so
         seen = looking.people([], CAR, EYE, 0)
         assert seen is not None
         assert {each.kind for each in seen.people} == expected
+        # With room for the largest body about the shadow's edge itself.
+        bare = [r for _, _, r in shadow_discs(EYE, VAN, reach_m=30.0)]
+        radii = [each.position_radius_m for each in seen.people]
+        assert all(any(r >= b + 0.9 - 1e-9 for b in bare) for r in radii)

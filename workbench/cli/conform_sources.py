@@ -44,7 +44,6 @@ class Subject:
     most: dict[str, float]
     discs: bool
     disc_error_m: float
-    drives_by_wire: bool
 
     def judged(self, outliers: int) -> tuple[MotionModel, Measured, Verdict]:
         """The tightest candidate's verdict. Raises NoFitError where none has one."""
@@ -97,10 +96,7 @@ class Subject:
             [self.about(verdict), f"{_held_out(verdict)} Statement: {verdict.stated}.",
              f"Made by `{command}`."]
         )  # fmt: skip
-        return dataclasses.replace(
-            self.vehicle.uncertainty, **found, provenance=text,
-            includes_drive_by_wire=self.drives_by_wire,
-        )  # fmt: skip
+        return dataclasses.replace(self.vehicle.uncertainty, **found, provenance=text)
 
     def refusal(self, section: Uncertainty) -> str:
         """Why the vehicle cannot take these figures; empty where it can."""
@@ -138,6 +134,9 @@ def chosen_subject(args: argparse.Namespace) -> Subject:
             f"SOURCE: expected a folder of runs or recordings at {source}, found "
             f"{'a file' if source.exists() else 'nothing'}"
         )
+    beside = source / "vehicle.toml"
+    if args.vehicle is None and holds_runs(source) and beside.is_file():
+        args.vehicle = beside
     vehicle, file = chosen_vehicle(args), args.vehicle or gem_e2_path()
     if holds_runs(source):
         return _of_runs(args, vehicle, file)
@@ -174,7 +173,7 @@ def _of_runs(args: argparse.Namespace, vehicle: Vehicle, file: Path) -> Subject:
     return Subject(
         "Closed-loop runs", args.source, vehicle, file,
         (("the vehicle's TRACK loop", model, measured),), _split(args, measured), most,
-        discs=False, disc_error_m=0.0, drives_by_wire=vehicle.drive_by_wire is not None,
+        discs=False, disc_error_m=0.0,
     )  # fmt: skip
 
 
@@ -211,5 +210,5 @@ def _of_recordings(args: argparse.Namespace, vehicle: Vehicle, file: Path) -> Su
         "Recordings", args.source, vehicle, file, tuple(candidates),
         _split(args, candidates[0][2]),
         {**_MOST_OF_A_CAR, "wheelbase_m": _MOST_WHEELBASE * shape.wheelbase_m},
-        discs=True, disc_error_m=DriveErrors().position_m * 2.0**0.5, drives_by_wire=False,
+        discs=True, disc_error_m=DriveErrors().position_m * 2.0**0.5,
     )  # fmt: skip

@@ -60,6 +60,13 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--seeds: expected 0 <= FIRST <= LAST, got {first} and {last}")
     logs = [Path(name) for name in args.subjects if Path(name).suffix in _LOGS]
     names = [name for name in args.subjects if Path(name).suffix not in _LOGS]
+    stems = [Path(name).stem for name in args.subjects]
+    twice = sorted({stem for stem in stems if stems.count(stem) > 1})
+    if twice:
+        raise InputError(
+            f"SCENARIO: expected every name once, got {', '.join(twice)} twice; a run is known "
+            "by its name"
+        )
     runs = _logged(args, logs) if logs else []
     runs += _driven(args, names, range(first, last + 1)) if names else []
     with output_folder(args.out) as out:

@@ -180,6 +180,13 @@ class Uncertainty:
         self.estimation_error()
         self.disturbance()
         Disturbance(self.upstream_acceleration_mps2, self.upstream_steering_rate_radps)
+        upstream = (self.upstream_acceleration_mps2, self.upstream_steering_rate_radps)
+        if self.includes_drive_by_wire and any(upstream):
+            raise InputError(
+                "includes_drive_by_wire: expected false where upstream_... grants another "
+                "controller room, got true; what the drive-by-wire makes of its commands was not "
+                "in those drives"
+            )
 
     def more(self, *, acceleration_mps2: float, steering_rate_radps: float) -> Uncertainty:
         """With so much more of W, in magnitude, rounded up."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, final
 
@@ -43,6 +43,7 @@ _REMEMBERED_S: Final = 2.0
 """Who went out of sight is reported from where they were seen last, for so long."""
 _ASSUMED_TRACK: Final = 60_000
 _UNSEEN_MPS: Final = 2.5
+_LARGEST_BODY_M: Final = 0.9
 _RIM_M: Final = 4.0
 """People are reported so much farther than is watched: who leaves does not vanish at the rim."""
 
@@ -73,7 +74,7 @@ class Sensors:
     _sets: dict[str, int] = field(default_factory=lambda: {"localisation": 0, "people": 0})
     _tracks: dict[str, int] = field(default_factory=dict)
     _seen: dict[str, _Remembered] = field(default_factory=dict)
-    _ranged_us: int = -RANGED_US
+    _ranged_us: int = 0
     _errors: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
     def localised(self, motion: Motion, at_us: int) -> Localised | None:
@@ -81,7 +82,7 @@ class Sensors:
         sensing, chance = self.sensing, self.chance
         number = self._next("localisation")
         if at_us >= self._ranged_us:
-            self._ranged_us = at_us + RANGED_US
+            self._ranged_us += RANGED_US
             self._errors = (
                 *self._off(sensing.position_m),
                 chance.uniform(-sensing.heading_rad, sensing.heading_rad),
@@ -115,8 +116,13 @@ class Sensors:
         if self._lost("people", at_us):
             return None
         found = [*self._reported(t_s), *self._ghosts(t_s), *self._assumed(eye)]
-        within = [each for each in found if self._near(each, motion)]
-        return PeopleSeen(number, _stamp_s(at_us), self.sensing.watched_m, tuple(within[:CAPACITY]))
+        within = sorted(self._nearby(found, motion), key=lambda each: each[0])
+        watched_m = self.sensing.watched_m
+        if len(within) > CAPACITY:
+            # A set takes no more: it says less far around that everybody is in it.
+            watched_m = min(watched_m, max(within[CAPACITY][0], 0.0))
+        sent = tuple(each for _, each in within[:CAPACITY])
+        return PeopleSeen(number, _stamp_s(at_us), watched_m, sent)
 
     def wants(self, seen: PeopleSeen, at_us: int) -> dict[int, Forwarded]:
         """What people of this set may want, by track; {} where nobody estimates that."""
@@ -178,7 +184,7 @@ class Sensors:
         ]  # fmt: skip
 
     def _assumed(self, eye: Point) -> list[SentPerson]:
-        """Somebody at every place where one could step out of a shadow."""
+        """Somebody, on foot or on wheels, at every place where one could step out of a shadow."""
         if not self.sensing.assumes_unseen:
             return []
         discs = [
@@ -187,13 +193,22 @@ class Sensors:
             for disc in shadow_discs(eye, box, reach_m=self.sensing.watched_m)
         ]
         return [
-            SentPerson(_ASSUMED_TRACK + k, PersonKind.ASSUMED, x, y, r, 0.0, 0.0, _UNSEEN_MPS, 0.0)
+            SentPerson(
+                _ASSUMED_TRACK + k, PersonKind.ASSUMED, x, y, r + _LARGEST_BODY_M, 0.0, 0.0,
+                _UNSEEN_MPS, 0.0,
+            )
             for k, (x, y, r) in enumerate(discs)
-        ]
+        ]  # fmt: skip
 
-    def _near(self, person: SentPerson, motion: Motion) -> bool:
-        away_m = math.dist((person.x_m, person.y_m), (motion.x_m, motion.y_m))
-        return away_m - person.position_radius_m <= self.sensing.watched_m + _RIM_M
+    def _nearby(
+        self, people: Iterable[SentPerson], motion: Motion
+    ) -> Iterator[tuple[float, SentPerson]]:
+        """Those whose disc is near enough to be reported, with its distance from the car."""
+        for person in people:
+            away_m = math.dist((person.x_m, person.y_m), (motion.x_m, motion.y_m))
+            away_m -= person.position_radius_m
+            if away_m <= self.sensing.watched_m + _RIM_M:
+                yield away_m, person
 
     def _next(self, what: str) -> int:
         self._sets[what] += 1

@@ -1,9 +1,10 @@
 """A scenario driven without a bus: the same kernel, policies, law, drive-by-wire, plant and people,
 with observations made from the truth. For campaigns: several times as fast as over frames.
 
-What is left out: frames with their rounding, clocks and ages, dead reckoning, the checks for
-faults, and arming. In their place stand errors within the same bounds, and intervals as wide as the
-core's were seen to be.
+What is left out: frames with their rounding, clocks, dead reckoning, the checks for faults, and
+arming. In their place stand errors within the same bounds, and intervals about as wide as the
+core's were in drives of the library. A car whose place is too old, or known less well than the
+proof grants its controller, brakes, and what it is asked about then is INVALID.
 """
 
 from __future__ import annotations
@@ -37,8 +38,10 @@ from workbench.simulation.scene import Scene
 
 _CHECK_S: Final = (0.005, 0.03)
 _UNSEEN_MPS: Final = 2.5
-# Beside what the localisation claims: what ages and frames add to it on board.
-_POSITION_M, _HEADING_RAD, _STEERING_RAD, _SPEED_MPS = 0.06, 0.02, 0.017, 0.12
+# Beside what the localisation claims: what delays and frames add on board, and what each second
+# since the last one adds. The speed is known by the car's own reports.
+_POSITION_M, _HEADING_RAD, _STEERING_RAD, _SPEED_MPS = 0.1, 0.03, 0.019, 0.19
+_POSITION_MPS, _HEADING_RADPS = 0.1, 0.03
 
 
 @final
@@ -48,6 +51,16 @@ class Errors:
 
     x_m: float
     y_m: float
+    heading_rad: float
+    speed_mps: float
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Widths:
+    """Half widths of what is known: place (m, each way), heading (rad), speed (m/s)."""
+
+    position_m: float
     heading_rad: float
     speed_mps: float
 
@@ -77,6 +90,7 @@ class DeskLoop:
         self._errors = Errors(0.0, 0.0, 0.0, 0.0)
         self._seen: PeopleSeen | None = None
         self._due_us = {"place": 0, "people": 0}
+        self._located_us = 0
         self._integrals, self._command = Integrals(), LawCommand(0.0, 0.0, 0.0, 0.0)
         self._reference_mps, self._turns = 0.0, 0
         self._action = Action.BRAKE
@@ -84,6 +98,16 @@ class DeskLoop:
         assert sent is not None, "a straight wheel is within its limits"
         self._sent: Sent = sent
         self.decision: Decision | None = None
+
+    @property
+    def command(self) -> LawCommand:
+        """What the law commanded last; of BRAKE, its steering."""
+        return self._command
+
+    @property
+    def reference_mps(self) -> float:
+        """The speed that TRACK goes for, m/s."""
+        return self._reference_mps
 
     @property
     def tracks(self) -> bool:
@@ -96,13 +120,36 @@ class DeskLoop:
         now_s = driving.clock.now_s = scene.now_us / 1e6
         self._measure()
         motion = scene.car.motion
-        action = driving.judge.turn(now_s).action
+        permitted = driving.judge.turn(now_s).action
+        action = Action.BRAKE if self._blind else permitted
         decides = self._turns % DECIDE_EVERY == 0
         self._drive(action, motion)
         if decides:
             self._decide(motion, now_s)
         scene.advance(TURN_US)
         self._turns += 1
+
+    @property
+    def _widths(self) -> Widths:
+        sensing = self._scene.scenario.sensing
+        age_s = (self._scene.now_us - self._located_us) / 1e6
+        return Widths(
+            sensing.position_m + _POSITION_M + _POSITION_MPS * age_s,
+            sensing.heading_rad + _HEADING_RAD + _HEADING_RADPS * age_s,
+            max(sensing.speed_mps, _SPEED_MPS),
+        )
+
+    @property
+    def _blind(self) -> bool:
+        """Whether the place is too old, or anything is known less well than the proof grants."""
+        settings, widths = self._driving.settings, self._widths
+        granted = settings.reading
+        return (
+            self._scene.now_us - self._located_us > settings.sensors.localisation_age_us
+            or widths.position_m > granted.offset_m
+            or widths.heading_rad > granted.heading_rad
+            or widths.speed_mps > granted.speed_mps
+        )
 
     def _decide(self, motion: Motion, now_s: float) -> None:
         """Ask the judge; TRACK is about the next reference speed, which then holds."""
@@ -125,6 +172,7 @@ class DeskLoop:
             self._due_us["place"] += LOCALISED_US
             place = self._sensors.localised(scene.car.motion, at_us)
             if place is not None:
+                self._located_us = at_us
                 true = scene.car.motion
                 self._errors = Errors(
                     place.x_m - true.x_m, place.y_m - true.y_m,
@@ -196,14 +244,13 @@ class DeskLoop:
             ]
             gone_m = _UNSEEN_MPS * (now_us - stamp_us) / 1e6 + 4.0 * sensing.position_m
             watched_m = max(self._seen.watched_radius_m - gone_m, 0.0)
-        wide_m = sensing.position_m + _POSITION_M
-        speed = _around(motion.speed_mps + errors.speed_mps, sensing.speed_mps + _SPEED_MPS)
+        widths = self._widths
+        speed = _around(motion.speed_mps + errors.speed_mps, widths.speed_mps)
+        x_m = math.nan if self._blind else motion.x_m + errors.x_m
         return Observation(
-            x=_around(motion.x_m + errors.x_m, wide_m),
-            y=_around(motion.y_m + errors.y_m, wide_m),
-            heading=_around(
-                motion.heading + errors.heading_rad, sensing.heading_rad + _HEADING_RAD
-            ),
+            x=_around(x_m, widths.position_m),
+            y=_around(motion.y_m + errors.y_m, widths.position_m),
+            heading=_around(motion.heading + errors.heading_rad, widths.heading_rad),
             steering=_around(motion.road_wheel_rad, _STEERING_RAD),
             speed=speed,
             speed_integral=(self._integrals.speed_m, self._integrals.speed_m),

@@ -90,6 +90,7 @@ class Scene:
         self.scenario = setting.scenario
         self._people = self.scenario.cast.people(seed, self.scenario.path)
         self._node: int | None = None
+        self._car: CarNow | None = None
         self.now_us = 0
         self.nearness = Nearness()
 
@@ -142,12 +143,13 @@ class Scene:
         end_us = self.now_us + duration_us
         while self.now_us < end_us:
             step_us = min(STEP_US, end_us - self.now_us)
-            from_s, car = self.now_s, self.car_now()
+            from_s, before = self.now_s, self._car or self.car_now()
             self.car.advance(step_us)
             self.now_us += step_us
             for each in self._people:
-                each.advance(from_s, self.now_s, car)
-            self.nearness.see(self.now_s, car, self.people)
+                each.advance(from_s, self.now_s, before)
+            self._car = self.car_now()
+            self.nearness.see(self.now_s, self._car, self.people)
 
     def _nearest(self, x_m: float, y_m: float) -> int:
         """The nearest node, near the one before."""
