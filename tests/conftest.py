@@ -1,10 +1,18 @@
-"""Optional tools skip their tests by name; `--forbid-skips` turns every skip into a failure."""
+"""Optional tools skip their tests by name; `--forbid-skips` turns every skip into a failure.
+
+A C text that several tests or commands compile is compiled once in a run (see `compile_once`).
+"""
 
 from __future__ import annotations
 
 import importlib
+import os
+import shlex
 import shutil
+import sys
+import tempfile
 from collections.abc import Callable, Generator
+from pathlib import Path
 from types import ModuleType
 
 import pytest
@@ -12,6 +20,40 @@ import pytest
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--forbid-skips", action="store_true", help="a skipped test is a failure")
+
+
+_COMPILED_ONCE = "TESTS_COMPILED_ONCE"
+"""Environment variable: the folder with the `cc` that all processes of this run use."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Put a `cc` on the PATH, before the workers start, that shares what it compiles."""
+    compiler = shutil.which("cc")
+    if hasattr(config, "workerinput") or compiler is None:
+        return
+    folder = Path(tempfile.mkdtemp(prefix="workbench-cc-"))
+    (folder / "kept").mkdir()
+    front = Path(__file__).parent / "compile_once.py"
+    words = [sys.executable, "-I", "-S", str(front), compiler, str(folder / "kept")]
+    (folder / "cc").write_text(f'#!/bin/sh\nexec {shlex.join(words)} "$@"\n')
+    (folder / "cc").chmod(0o755)
+    before = os.environ.get("PATH", os.defpath)
+    os.environ |= {"PATH": f"{folder}{os.pathsep}{before}", _COMPILED_ONCE: str(folder)}
+
+    def undo() -> None:
+        os.environ["PATH"] = before
+        del os.environ[_COMPILED_ONCE]
+        shutil.rmtree(folder)
+
+    config.add_cleanup(undo)
+
+
+@pytest.fixture
+def compile_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The test's compilations share nothing: for what is said of compiling twice."""
+    if shared := os.environ.get(_COMPILED_ONCE):
+        folders = os.environ["PATH"].split(os.pathsep)
+        monkeypatch.setenv("PATH", os.pathsep.join(each for each in folders if each != shared))
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ from workbench.reach.ranged_parameters import initial_box, with_ranged_parameter
 from workbench.sets import Box
 
 QUICK = (
-    "-std=c99", "-O1", "-ffp-contract=off", "-fno-fast-math", "-fno-math-errno", "-fPIC", "-shared",
+    "-std=c99", "-O0", "-ffp-contract=off", "-fno-fast-math", "-fno-math-errno", "-fPIC", "-shared",
 )  # fmt: skip
 """As the kernel's flags, but compiled faster; the bits are the same."""
 Edit = Callable[[str], str]

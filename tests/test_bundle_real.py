@@ -152,7 +152,9 @@ def test_a_kernel_with_another_constant_fails_its_golden_vectors(bundle: Path) -
         load_bundle(_rewritten(bundle, LIBRARY_FILE, lambda code: code.replace(old, new)))
 
 
-def test_building_twice_gives_the_same_bytes_and_replaces_only_bundles(tmp_path: Path) -> None:
+def test_building_twice_gives_the_same_bytes_and_replaces_only_bundles(
+    tmp_path: Path, compile_anew: None
+) -> None:
     spec = MonitorSpec(gem_e2(), HORIZON_S, STEP_S)
     folder = build_bundle(spec, tmp_path / "deep" / "bundle")
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == real_files()

@@ -225,8 +225,13 @@ def _runs(case: Case, *, seconds: float, tube: str) -> Array:
         seen.append(shown)
         resting = x.copy()
         resting[STEERING] += _FINE_S * acts[True].turning(x[0])
-        tracked = np.vstack([steps[False](x[:CLOCK], acts[False].at(x[0])), x[CLOCK:]])
-        moved = np.where(brakes, steps[True](x, acts[True].at(x[0])), tracked)
+        moved, acting = x, acts[True].at(x[0])
+        # Who brakes goes on braking: in most steps all runs are in one mode.
+        if not brakes.all():
+            tracked = steps[False](x[:CLOCK], acts[False].at(x[0]))
+            moved = np.vstack([tracked, x[CLOCK:]])
+        if brakes.any():
+            moved = np.where(brakes, steps[True](x, acting), moved)
         x = np.where(rests, resting, moved)
     return np.array(seen)
 

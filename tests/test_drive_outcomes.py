@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import pytest
 from simulated_worlds import scenario
 
+from workbench.runtime import Action
+from workbench.runtime.policies import Ground
+from workbench.simulation.campaign.scripted_judges import plain_decision
 from workbench.simulation.drive_outcomes import DriveOutcome, Step
+from workbench.simulation.objections import Objections
 from workbench.simulation.people import Body
 from workbench.simulation.scenarios.scenario import Expected
 from workbench.simulation.scene import Contact, Nearness
@@ -16,13 +21,16 @@ from workbench.simulation.walkers.pedestrian import CarNow, PersonNow
 _TURN_S = 0.0325
 
 
-def steps(speeds: list[float], tracks: list[bool]) -> list[Step]:
-    """One turn each, stations by the speeds."""
+def steps(
+    speeds: list[float], tracks: list[bool], why: tuple[Ground, ...] = (Ground.PEOPLE,)
+) -> list[Step]:
+    """One turn each, stations by the speeds; why: it brakes wherever it does."""
     station, found = 0.0, []
     for k, (speed, track) in enumerate(zip(speeds, tracks, strict=True)):
         station += speed * _TURN_S
         before = speeds[max(k - 1, 0)]
-        found.append(Step(k * _TURN_S, station, speed, (speed - before) / _TURN_S, track))
+        found.append(Step(k * _TURN_S, station, speed, (speed - before) / _TURN_S, track,
+                          () if track else why))  # fmt: skip
     return found
 
 
@@ -60,6 +68,60 @@ def test_a_brake_counts_while_the_car_moves_and_has_not_passed() -> None:
     standing = outcome([0.0] * 600, [True] * 300 + [False] * 300)
     assert standing.brakes == ()
     assert standing.is_as(Expected.STAYS)
+
+
+@pytest.mark.parametrize(
+    ("why", "expected"),
+    [
+        ((Ground.PEOPLE,), {Expected.BRAKES}),
+        ((Ground.READING,), {Expected.BRAKES_BLIND}),
+        ((Ground.TIME,), {Expected.BRAKES_BLIND}),
+        ((Ground.MOTION,), {Expected.BRAKES_UNPROVED}),
+        ((Ground.REGION,), {Expected.BRAKES_UNPROVED}),
+        ((Ground.MOTION, Ground.PEOPLE), {Expected.BRAKES, Expected.BRAKES_UNPROVED}),
+        ((Ground.ARITHMETIC,), set()),
+        ((), set()),
+    ],
+)
+def test_to_brake_for_another_reason_is_not_what_was_expected(
+    why: tuple[Ground, ...], expected: set[Expected]
+) -> None:
+    stops = [2.0] * 100 + [0.0] * 50 + [2.0] * 500
+    sent = [True] * 95 + [False] * 60 + [True] * 495
+    found = DriveOutcome.of(steps(stops, sent, why), Nearness(), scenario())
+    assert found.grounds == (why,)
+    braking = {each for each in Expected if each.value.startswith("brakes") and found.is_as(each)}
+    assert braking == expected
+    assert found.is_as(Expected.ANY)
+    assert not found.is_as(Expected.PASSES)
+    assert all(each.value in found.story for each in why)
+
+
+def test_one_brake_of_several_for_the_reason_is_enough() -> None:
+    stops, sent = [2.0] * 600, ([True] * 50 + [False] * 20) * 2 + [True] * 460
+    mixed = steps(stops, sent, (Ground.READING,))
+    mixed[120:140] = [
+        dataclasses.replace(each, grounds=(Ground.PEOPLE,)) for each in mixed[120:140]
+    ]
+    found = DriveOutcome.of(mixed, Nearness(), scenario())
+    assert found.grounds == ((Ground.READING,), (Ground.PEOPLE,))
+    assert found.is_as(Expected.BRAKES)
+    assert found.is_as(Expected.BRAKES_BLIND)
+
+
+def test_the_first_objection_since_track_counts() -> None:
+    objections = Objections()
+    track = plain_decision(Action.TRACK, "")
+    brake = dataclasses.replace(plain_decision(Action.BRAKE, ""), grounds=(Ground.MOTION,))
+    later = dataclasses.replace(brake, grounds=(Ground.PEOPLE,))
+    assert objections.after(track) == ()
+    assert objections.after(plain_decision(Action.BRAKE, "")) == ()
+    assert objections.after(brake) == (Ground.MOTION,)
+    assert objections.after(None, blind=True) == (Ground.READING,)
+    assert objections.after(later) == (Ground.MOTION,)
+    assert objections.after(None) == (Ground.MOTION,)
+    assert objections.after(track) == ()
+    assert objections.after(later) == (Ground.PEOPLE,)
 
 
 def test_who_never_sets_off_neither_passes_nor_brakes() -> None:

@@ -3,6 +3,7 @@ log."""
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 from pathlib import Path
 
@@ -24,8 +25,20 @@ from workbench.simulation.bus_world import BusSetting, BusWorld
 from workbench.simulation.conformance.bus_runs import driven_run
 from workbench.simulation.conformance.driven_runs import load_runs, runs_tables
 from workbench.simulation.conformance.log_runs import run_from_log
-from workbench.simulation.rig import Trial
+from workbench.simulation.rig import Rig, Trial
+from workbench.simulation.simulated import simulated_path
 
+EMPTY_ROAD = """
+title = "Nobody"
+story = "Nobody."
+waypoints = [[0, 0], [11, 0], [22, 0], [33, 0]]
+duration_s = 6.0
+passed_m = 3.0
+[expected]
+LookAhead = "any"
+FailSafe = "any"
+both = "any"
+"""
 _TRIAL = Trial(scenario(duration_s=11.0), "bicycle", 1)
 
 
@@ -104,12 +117,44 @@ def test_the_wrong_bundle_and_no_decision_are_refused(logged: tuple[Path, BusDri
         driven_run("r", nothing, _TRIAL.scenario, reference_speed_mps=2.0)
 
 
+def test_a_file_is_driven_by_a_vehicle_and_a_bundle_that_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The options are those of `simulate`; what was driven stands beside the runs."""
+    vehicle = tmp_path / "own.toml"
+    text = simulated_path().read_text(encoding="utf-8") + "\n# of its own\n"
+    vehicle.write_text(text, encoding="utf-8")
+    scene = tmp_path / "empty_road.toml"
+    scene.write_text(EMPTY_ROAD, encoding="utf-8")
+    asked: list[argparse.Namespace] = []
+
+    def chosen(args: argparse.Namespace) -> Rig:
+        asked.append(args)
+        return rig()
+
+    monkeypatch.setattr("workbench.cli.drives.chosen_rig", chosen)
+    words = ["drives", str(scene), "--vehicle", str(vehicle), "--sensors", "s.toml", "--seeds"]
+    out = tmp_path / "out"
+    assert main([*words, "1", "1", "--plant", "bicycle", "--out", str(out)]) == 0
+    ((vehicle_file, sensors, horizon),) = [(a.vehicle, a.sensors, a.horizon) for a in asked]
+    assert (vehicle_file, sensors, horizon) == (vehicle, Path("s.toml"), None)
+    assert (out / "vehicle.toml").read_text(encoding="utf-8") == text
+    (run,) = load_runs(out)
+    assert run.name == "empty_road bicycle 1"
+    assert run.waypoints[-1][0] == 33.0
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
         (["nobody_s_bend", "--seeds", "3", "1"], "expected 0 <= FIRST <= LAST"),
         (["drive.mcap"], "--bundle: expected the bundle that made drive.mcap"),
         (["no_such_scene"], "no_such_scene"),
+        (["no_such_file.toml"], "no_such_file.toml"),
+        (["nobody_s_bend", "--vehicle", "none.toml"], "none.toml"),
+        (["nobody_s_bend", "--sensors", "none.toml"], "--sensors: expected a file"),
+        (["nobody_s_bend", "--bundle", "b", "--horizon", "2"], "expected without --horizon"),
+        (["nobody_s_bend", "--bundle", "no-bundle"], "no-bundle"),
     ],
 )
 def test_wrong_use_is_answered(

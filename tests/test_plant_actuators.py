@@ -83,7 +83,7 @@ def test_the_accelerator_builds_up_by_its_own_time_and_comes_back() -> None:
     assert plant.accelerator == pytest.approx(0.2)
     plant.advance(50_000)
     assert plant.accelerator == pytest.approx(0.4)
-    assert plant.realised_mps2 == pytest.approx(WIRE.pedals.accelerator.middle(0.4))
+    assert plant.motion.acceleration_mps2 == pytest.approx(WIRE.pedals.accelerator.middle(0.4))
     plant.release()
     plant.advance(25_000)
     assert plant.accelerator == pytest.approx(0.3)

@@ -19,7 +19,7 @@ from workbench.runtime.judgement import (
     unjudged,
 )
 from workbench.runtime.layout import KernelStatus
-from workbench.runtime.policies import Watched
+from workbench.runtime.policies import Ground, Watched
 from workbench.sets import Box
 
 QUESTION = Question(
@@ -34,10 +34,10 @@ def said(status: float, *, code: int = 0, spent: float = 0.0) -> Result:
 
 
 def test_what_is_not_judged_holds_for_no_time_and_excludes_nothing() -> None:
-    found = unjudged("why")
+    found = unjudged("why", Ground.REGION)
     for answer in (found.track_intent, found.brake_intent, found.brake_guard):
         assert (answer.verdict, answer.reason) == (Verdict.INVALID, "invalid: why")
-        assert answer.holds_s == 0.0
+        assert (answer.holds_s, answer.ground) == (0.0, Ground.REGION)
         assert answer.clearance_m is None
     stop = found.stop_guard
     assert (tuple(stop.tube.times_s), stop.farthest_m) == ((0.0,), math.inf)

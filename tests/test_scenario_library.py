@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from workbench.cli.main import main
 from workbench.errors import InputError
 from workbench.simulation.people import Body
 from workbench.simulation.scenarios.listing import library_table
@@ -110,9 +111,33 @@ def test_both_brake_where_either_does(name: str) -> None:
         assert expected["both"] is Expected.STAYS
 
 
-def test_unknown_names_are_refused_with_those_there_are() -> None:
-    with pytest.raises(InputError, match="paper_crossing_vehicle"):
-        named("paper")
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("paper", "or paper_crossing_simulation or paper_crossing_vehicle?"),
+        ("nobody_s_bent", "did you mean nobody_s_bend"),
+        ("zzz", "got 'zzz'"),
+    ],
+)
+def test_unknown_names_are_refused_with_those_that_may_be_meant(name: str, meant: str) -> None:
+    with pytest.raises(InputError) as refused:
+        named(name)
+    assert "`workbench simulate --list` has all" in str(refused.value)
+    assert str(refused.value).endswith(f"got {name!r}" if name == "zzz" else "?")
+    assert meant in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "command", [["simulate"], ["drives"], ["reproduce", "paper", "--quick", "--scenario"]]
+)
+def test_every_command_answers_a_misspelt_name_alike(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*command, "crosing_group", "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "expected the name of a scenario" in said
+    assert "; did you mean crossing_group" in said
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_documents_list_the_library_as_it_is() -> None:

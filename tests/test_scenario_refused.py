@@ -25,7 +25,7 @@ from workbench.simulation.scenarios.scenario_file import load_scenario
         ("[20, 0], [30, 0]]", "[10, 0]]", "expected distinct neighbours"),
         ("waypoints = [[", "waypoints = 3 # [[", "waypoints: expected a list of lists"),
         ('both = "any"', "", r"\[expected\] lacks the key both"),
-        ('both = "any"', 'both = "stops"', "expected one of passes, brakes, stays"),
+        ('both = "any"', 'both = "stops"', "expected one of passes, brakes, brakes_blind"),
         ('both = "any"', "both = 1", r"\[expected\] both: expected one of"),
         ('both = "any"', 'both = "any"\nTogether = "any"', "unknown key 'Together'"),
         ("position_m = 0.07", "position_m = -0.07", "position_m: out of range"),

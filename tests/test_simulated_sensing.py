@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import random
 
@@ -11,6 +12,13 @@ from hypothesis import strategies as st
 
 pytest.importorskip("casadi", reason="needs the optional package casadi")
 
+from simulated_worlds import rig
+
+from workbench.runtime import ObservedPerson, Watched
+from workbench.runtime.onboard.crowd import observed_person
+from workbench.runtime.policies import Hypothesis, Relation, SeenPerson
+from workbench.runtime.policies.guards import Scene as SeenScene
+from workbench.runtime.policies.guards import people_violations
 from workbench.runtime.protocols import PersonKind
 from workbench.simulation.bus_sensing import CLOCK_US, Sensors
 from workbench.simulation.occlusion import hidden, shadow_discs
@@ -103,14 +111,63 @@ def test_what_is_lost_is_lost() -> None:
     assert always.localised(CAR, 0) is None
 
 
-def test_ghosts_come_and_go() -> None:
+def test_ghosts_come_and_are_given_up_as_people_are() -> None:
+    """Reported from 1 s to 2 s; then for 2 s as they were last, for 1 s as somebody assumed."""
     looking = sensors(Sensing(ghosts=(Ghost(9.0, 0.0, 1.0, 2.0),)))
-    counts = []
-    for at_s in (0.5, 1.5, 2.5):
+    found: list[list[tuple[PersonKind, float]]] = []
+    for at_s in (0.5, 1.5, 2.0, 3.0, 4.0, 4.5, 5.0, 5.5):
         seen = looking.people([], CAR, EYE, round(at_s * 1e6))
         assert seen is not None
-        counts.append(len(seen.people))
-    assert counts == [0, 1, 0]
+        found.append([(each.kind, each.age_s) for each in seen.people])
+    foot, assumed = PersonKind.ON_FOOT, PersonKind.ASSUMED
+    assert found == [
+        [], [(foot, 0.0)], [(foot, 0.0)], [(foot, 1.0)], [(foot, 2.0)], [(assumed, 2.5)],
+        [(assumed, 3.0)], [],
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "speed_mps"), [("ped", 2.5), ("cyclist", 7.0)])
+def test_who_is_given_up_is_covered_by_somebody_assumed(kind: str, speed_mps: float) -> None:
+    """As the runtime asks: nobody is lost for a plan that was made while they were told of."""
+    looking, bounds = sensors(Sensing(), 3), rig().settings.sensors
+    sets = []
+    for stamp_us in range(0, 3_200_000, 200_000):
+        there = [person(12.0, -3.0, kind)] if stamp_us < 800_000 else []
+        seen = looking.people(there, CAR, EYE, stamp_us)
+        assert seen is not None
+        people = tuple(
+            observed_person(each, (stamp_us, stamp_us), now_us=stamp_us, settings=bounds)
+            for each in seen.people
+        )
+        watched = Watched(CAR.x_m, CAR.y_m, 30.0)
+        sets.append(SeenScene(stamp_us / 1e6, at_clock(people, stamp_us / 1e6), watched))
+    told = [each for each in sets if any(not person.assumed for person in each.people)]
+    given_up = [each for each in sets if any(person.assumed for person in each.people)]
+    assert (len(told), len(given_up)) == (14, 2)
+
+    def found(now: SeenScene) -> set[Hypothesis]:
+        """Of plans that were made with the last measurement."""
+        return {
+            each.hypothesis
+            for before in told[3:]
+            for each in people_violations(
+                before, now, required=Relation.OVERLAPS, unseen_speed_mps=speed_mps
+            )
+        }
+
+    assert [found(each) for each in given_up] == [set(), set()]
+    nobody = SeenScene(given_up[0].stamp_s, (), given_up[0].watched)
+    assert found(nobody) == {Hypothesis.NOBODY_LOST}
+
+
+def at_clock(people: tuple[ObservedPerson, ...], now_s: float) -> tuple[SeenPerson, ...]:
+    """With guards on the clock, not after the stamp."""
+    return tuple(
+        SeenPerson(
+            each.name, dataclasses.replace(each.guard, at_s=now_s + each.guard.at_s), each.assumed
+        )
+        for each in people
+    )
 
 
 def test_who_goes_behind_a_van_is_remembered_for_two_seconds() -> None:
@@ -120,7 +177,8 @@ def test_who_goes_behind_a_van_is_remembered_for_two_seconds() -> None:
         place = person(16.0, 0.0) if k == 0 else person(16.0, 4.5)
         seen = looking.people([place], CAR, EYE, k * 200_000)
         assert seen is not None
-        ages.append([round(each.age_s, 3) for each in seen.people])
+        foot = [each for each in seen.people if each.kind is PersonKind.ON_FOOT]
+        ages.append([round(each.age_s, 3) for each in foot])
     assert ages[0] == [0.0]
     assert ages[5] == [1.0]
     assert ages[11:] == [[], []]

@@ -8,10 +8,17 @@ from typing import TYPE_CHECKING, Final
 
 from workbench.cli.common import add_output_option, output_folder, write_text
 from workbench.cli.output import Progress, emit
+from workbench.cli.simulate_subject import (
+    add_rig_options,
+    chosen_rig,
+    chosen_scenario,
+    require_rig_options,
+)
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
     from workbench.simulation.conformance.driven_runs import DrivenRun
+    from workbench.simulation.scenarios.scenario import Scenario
 
 HELP: Final = (
     "Drives scenarios with the core that runs on the vehicle, over CAN frames in virtual time, and "
@@ -22,7 +29,7 @@ HELP: Final = (
 )
 EXAMPLE: Final = """\
 workbench drives nobody_s_bend crossing_straight --seeds 1 20 --out out/drives
-workbench drives nobody_s_bend --plant multi-body --seeds 1 5
+workbench drives my_scenario.toml --vehicle shuttle.toml --plant multi-body --seeds 1 5
 workbench drives log/drive.mcap --bundle out/bundle --out out/logged
 """
 _PLANTS: Final = ("bicycle", "single-track", "multi-body")
@@ -33,9 +40,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Which scenarios, which car, how often."""
     parser.add_argument(
         "subjects", nargs="+", metavar="SCENARIO",
-        help="names of the library, or logs of the monitor",
+        help="names of the library, TOML files, CommonRoad XML, or logs of the monitor",
     )  # fmt: skip
-    parser.add_argument("--bundle", type=Path, metavar="DIR", help="that the logs were made with")
+    add_rig_options(
+        parser, bundle="built for driving (default: it is built); of logs, the one that made them"
+    )
     parser.add_argument(
         "--plant", choices=_PLANTS, default="single-track", help="(default: single-track)"
     )
@@ -55,6 +64,7 @@ def run(args: argparse.Namespace) -> int:
     from workbench.simulation.conformance.driven_runs import runs_tables
     from workbench.simulation.simulated import simulated_path
 
+    require_rig_options(args)
     first, last = args.seeds
     if not 0 <= first <= last:
         raise InputError(f"--seeds: expected 0 <= FIRST <= LAST, got {first} and {last}")
@@ -67,17 +77,22 @@ def run(args: argparse.Namespace) -> int:
             f"SCENARIO: expected every name once, got {', '.join(twice)} twice; a run is known "
             "by its name"
         )
+    scenes = [chosen_scenario(name) for name in names]
     runs = _logged(args, logs) if logs else []
-    runs += _driven(args, names, range(first, last + 1)) if names else []
+    runs += _driven(args, [scene for scene, _ in scenes], range(first, last + 1)) if names else []
     with output_folder(args.out) as out:
         for name, text in runs_tables(runs).items():
             write_text(out / name, text)
         if names:
-            text = simulated_path().read_text(encoding="utf-8")
+            text = (args.vehicle or simulated_path()).read_text(encoding="utf-8")
             write_text(out / "vehicle.toml", text)
     tracked = sum(int(each.tracking.sum()) for each in runs)
-    data = {"out": str(args.out), "runs": len(runs), "tracked_instants": tracked}
-    emit(args, f"{len(runs)} runs, {tracked} instants under TRACK: {args.out}/runs.csv", data)
+    notes = [note for _, of_scene in scenes for note in of_scene]
+    said = f"{len(runs)} runs, {tracked} instants under TRACK: {args.out}/runs.csv"
+    data = {
+        "out": str(args.out), "runs": len(runs), "tracked_instants": tracked, "notes": notes,
+    }  # fmt: skip
+    emit(args, "\n".join([said, *notes]), data)
     return 0
 
 
@@ -91,16 +106,13 @@ def _logged(args: argparse.Namespace, logs: list[Path]) -> list[DrivenRun]:
     return [run_from_log(file, bundle) for file in logs]
 
 
-def _driven(args: argparse.Namespace, names: list[str], seeds: range) -> list[DrivenRun]:
+def _driven(args: argparse.Namespace, scenes: list[Scenario], seeds: range) -> list[DrivenRun]:
     from workbench.runtime import Deciding
     from workbench.simulation.bus_drive import Recorded
     from workbench.simulation.conformance.bus_runs import driven_run
     from workbench.simulation.rig import Trial
-    from workbench.simulation.scenarios.shipped import named
-    from workbench.simulation.simulated import build_rig
 
-    scenes = [named(name) for name in names]
-    rig, runs = build_rig(), []
+    rig, runs = chosen_rig(args), []
     reference_mps = rig.vehicle.operation.reference_speed_mps
     with Progress("drives", len(scenes) * len(seeds)) as bar:
         for scene in scenes:

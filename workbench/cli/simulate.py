@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from workbench.cli.analysis_options import count, positive, seed, text_table
+from workbench.cli.analysis_options import count, seed, text_table
 from workbench.cli.common import add_output_option
 from workbench.cli.output import emit
+from workbench.cli.simulate_subject import add_rig_options, require_rig_options
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -53,16 +53,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--seed", type=seed, default=0, metavar="N",
         help="of errors, actuators and people; 0 takes the middle of all actuators (default: 0)",
     )  # fmt: skip
-    parser.add_argument("--horizon", type=positive, metavar="S", help="of LookAhead (default: 3)")
-    parser.add_argument(
-        "--vehicle", type=Path, metavar="FILE", help="vehicle file (default: the simulated GEM e2)"
-    )
-    parser.add_argument(
-        "--sensors", type=Path, metavar="FILE", help="sensors file (default: of the same)"
-    )
-    parser.add_argument(
-        "--bundle", type=Path, metavar="DIR", help="built for driving (default: it is built)"
-    )
+    add_rig_options(parser, bundle="built for driving (default: it is built)")
     parser.add_argument(
         "--intents", action="store_true",
         help="estimate what people want from the scenario's goals, and tell the monitor",
@@ -114,11 +105,7 @@ def _require(args: argparse.Namespace) -> None:
         raise InputError(
             "--real-time, --intents: expected one SCENARIO, plant and policy, got several; name one"
         )
-    if args.bundle is not None and (args.horizon is not None or args.sensors is not None):
-        raise InputError(
-            "--bundle: expected without --horizon and --sensors, which are the bundle's own; leave "
-            "them out, or leave it out to build one"
-        )
+    require_rig_options(args)
     if args.bundle is not None and args.real_time:
         raise InputError(
             "--real-time: expected without --bundle: the process drives the path of its bundle, "

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from workbench.cli.analysis_options import positive
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def chosen_scenario(text: str) -> tuple[Scenario, tuple[str, ...]]:
     Raises InputError for an unknown name and a broken file.
     """
     from workbench.simulation.scenarios.scenario_file import load_scenario
-    from workbench.simulation.scenarios.shipped import library, named
+    from workbench.simulation.scenarios.shipped import library, named, suggestion
 
     if text in library():
         return named(text), ()
@@ -44,18 +45,9 @@ def chosen_scenario(text: str) -> tuple[Scenario, tuple[str, ...]]:
     if file.suffix == ".toml":
         return load_scenario(file), ()
     raise InputError(
-        f"expected the name of a scenario (`workbench simulate --list`), a .toml or a CommonRoad "
-        f".xml, got {text!r}{_near(text)}"
+        f"expected the name of a scenario (`workbench simulate --list` has all), a .toml or a "
+        f"CommonRoad .xml, got {text!r}{suggestion(text)}"
     )
-
-
-def _near(text: str) -> str:
-    import difflib
-
-    from workbench.simulation.scenarios.shipped import library
-
-    near = difflib.get_close_matches(text, library(), n=1)
-    return f"; did you mean {near[0]}?" if near else ""
 
 
 def expected_of(scenario: Scenario, policy: str) -> Expected:
@@ -63,6 +55,28 @@ def expected_of(scenario: Scenario, policy: str) -> Expected:
     from workbench.simulation.scenarios.scenario import Expected
 
     return scenario.expected.get(policy, Expected.ANY)
+
+
+def add_rig_options(parser: argparse.ArgumentParser, *, bundle: str) -> None:
+    """Add `--horizon`, `--vehicle`, `--sensors` and `--bundle`, which `chosen_rig` reads; bundle:
+    the help of the last."""
+    parser.add_argument("--horizon", type=positive, metavar="S", help="of LookAhead (default: 3)")
+    parser.add_argument(
+        "--vehicle", type=Path, metavar="FILE", help="vehicle file (default: the simulated GEM e2)"
+    )
+    parser.add_argument(
+        "--sensors", type=Path, metavar="FILE", help="sensors file (default: of the same)"
+    )
+    parser.add_argument("--bundle", type=Path, metavar="DIR", help=bundle)
+
+
+def require_rig_options(args: argparse.Namespace) -> None:
+    """Raise InputError where a bundle is named beside what it already says."""
+    if args.bundle is not None and (args.horizon is not None or args.sensors is not None):
+        raise InputError(
+            "--bundle: expected without --horizon and --sensors, which are the bundle's own; leave "
+            "them out, or leave it out to build one"
+        )
 
 
 def chosen_vehicle(args: argparse.Namespace) -> Vehicle:

@@ -110,8 +110,9 @@ def _survey(args: argparse.Namespace, store: Store) -> None:
     from workbench.simulation.campaign.workers import workers
 
     import_parquet()
-    manifest = begun(args, store)
+    # A cluster that does not answer should say so before anything is built or written.
     with workers(args.jobs, args.scheduler) as crew:
+        manifest = begun(args, store)
         for plant in args.plants:
             _plant(args, (store, manifest, crew), plant)
 

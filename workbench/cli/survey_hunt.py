@@ -20,8 +20,8 @@ _HEADINGS = [
 
 
 def hunted(args: argparse.Namespace, store: Store) -> int:
-    """Hunt in a survey's folder, one contender and plant after the other; 1 where the worst of
-    FailSafe or of both policies is an avoidable contact."""
+    """Hunt in a survey's folder, one contender and plant after the other; 1 where any trial of
+    FailSafe or of both policies has an avoidable contact."""
     from workbench.cli.main import CLAIM_FAILS, DONE
     from workbench.cli.output import Progress, emit
     from workbench.cli.survey import GUARANTEED, begun, chosen_contenders
@@ -29,10 +29,10 @@ def hunted(args: argparse.Namespace, store: Store) -> int:
     from workbench.simulation.campaign.hunting import Quarry, hunt
     from workbench.simulation.campaign.workers import workers
 
-    begun(args, store)
     names = [each for each in chosen_contenders(args) if args.contenders or proves(each)]
     lines, data, failed = [], [], False
     with workers(args.jobs, args.scheduler) as crew:
+        begun(args, store)
         for plant in args.plants:
             for name in names:
                 quarry = Quarry(args.hunt, name, plant, args.seed)
@@ -41,13 +41,14 @@ def hunted(args: argparse.Namespace, store: Store) -> int:
                         store, quarry, args.trials, crew, at_once=args.jobs,
                         advance=progress.advance,
                     )  # fmt: skip
-                best = found[0]
+                avoidable = sum(each.row.avoidable for each in found)
                 lines.append(
-                    f"{plant}, {name}: worst of {args.trials}: {_said(best.row)}; "
-                    f"--point {store.folder}/hunts/{quarry.name}/best.json drives it again"
+                    f"{plant}, {name}: {avoidable} of {len(found)} with an avoidable contact; the "
+                    f"worst: {_said(found[0].row)}; --point {store.folder}/hunts/{quarry.name}/"
+                    "best.json drives it again"
                 )
-                data.append(best)
-                failed |= name in GUARANTEED and any(each.row.avoidable for each in found)
+                data.append({"trials": len(found), "avoidable": avoidable, "worst": found[0]})
+                failed |= name in GUARANTEED and avoidable > 0
     emit(args, "\n".join(lines), data)
     return CLAIM_FAILS if failed else DONE
 

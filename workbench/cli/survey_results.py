@@ -37,10 +37,13 @@ def summed_up(args: argparse.Namespace, store: Store, *, guaranteed: tuple[str, 
         "manifest": manifest, "baselines": store.parameters(), "tallies": found, "worst": bad,
     }  # fmt: skip
     rows = [cells(each) for each in found]
+    unjudged = unjudged_lines(manifest.contenders, found)
     if args.table:
-        text = _markdown(rows)
+        text = "\n\n".join([_markdown(rows), *unjudged])
     else:
-        text = "\n".join([text_table(HEADINGS, rows), *tuned_lines(store), *_ending(found)])
+        text = "\n".join(
+            [text_table(HEADINGS, rows), *unjudged, *tuned_lines(store), *_ending(found)]
+        )
     if args.plot:
         from workbench.cli.survey_page import write_survey_page
 
@@ -66,8 +69,24 @@ def cells(tally: Tally) -> Cells:
 def shown(rate: Rate) -> str:
     """With its interval."""
     if math.isnan(rate.per_km):
-        return "no way"
+        return "none to count"
     return f"{rate.per_km:.1f} [{rate.low:.1f}, {rate.high:.1f}]"
+
+
+def unjudged_lines(contenders: tuple[str, ...], found: list[Tally]) -> list[str]:
+    """Which baselines have driven and are not counted, and what is needed for that."""
+    from workbench.simulation.campaign.contenders import is_baseline
+
+    lines = []
+    for plant in dict.fromkeys(each.plant for each in found):
+        counted = {each.contender for each in found if each.plant == plant}
+        left = [name for name in contenders if is_baseline(name) and name not in counted]
+        if left:
+            lines.append(
+                f"{plant}: {', '.join(left)} are judged on scenarios of odd index, of which none "
+                "was driven; survey at least 2, --scenarios 2"
+            )
+    return lines
 
 
 def tuned_lines(store: Store) -> list[str]:

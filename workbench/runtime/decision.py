@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, final
 from workbench.claims import Assumption, Rigor, Verdict
 
 if TYPE_CHECKING:
-    from workbench.runtime.policies.cycle import Alert, Outcome, Violation
+    from workbench.runtime.policies.cycle import Alert, Ground, Outcome, Violation
 
 
 class Action(enum.Enum):
@@ -29,7 +29,8 @@ class Decision:
     theirs. brake_from_s: instant of the clock from which BRAKE is sent, if no later decision says
     otherwise (`Monitor.turn` does it). look_ahead, fail_safe: what each policy said, deciding or
     not. violations: hypotheses that failed; alert: whom not even braking is proved to keep clear
-    of.
+    of. grounds: what the deciding policies have against TRACK; () where nothing is but that braking
+    once begun goes on.
 
     Of TRACK against where people are expected to go: clearance_m, clearance_time_s,
     clearance_person: smallest proved clearance over the horizon, when and to whom; None when there
@@ -63,3 +64,4 @@ class Decision:
     assumptions: tuple[Assumption, ...]
     elapsed_s: float
     rigor: Rigor
+    grounds: tuple[Ground, ...] = ()

@@ -11,7 +11,7 @@ from workbench.claims import Verdict
 from workbench.runtime.bundle import Result
 from workbench.runtime.layout import TUBES, KernelStatus
 from workbench.runtime.person_tubes import TubeKind
-from workbench.runtime.policies.cycle import Answer, ProvedTube, StopAnswer, Watched
+from workbench.runtime.policies.cycle import Answer, Ground, ProvedTube, StopAnswer, Watched
 from workbench.runtime.tube_answers import (
     KernelFaultError,
     Question,
@@ -36,7 +36,11 @@ _OUTWARD = 1.0 + 2.0**-48
 
 @final
 class CannotJudgeError(Exception):
-    """Ends a judgement with INVALID; its text becomes the reason."""
+    """Ends a judgement with INVALID; its text becomes the reason, its ground the answers'."""
+
+    def __init__(self, reason: str, ground: Ground = Ground.READING) -> None:
+        super().__init__(reason)
+        self.ground = ground
 
 
 @final
@@ -59,9 +63,9 @@ class Judgement:
     stop_occupancy: Sequence[tuple[float, ...]] = field(default=(), repr=False)
 
 
-def unjudged(reason: str) -> Judgement:
+def unjudged(reason: str, ground: Ground) -> Judgement:
     """Nothing was found, because of `reason`: every answer is INVALID."""
-    answer = Answer(Verdict.INVALID, f"invalid: {reason}", None, None, None, 0.0)
+    answer = Answer(Verdict.INVALID, f"invalid: {reason}", None, None, None, 0.0, ground)
     nothing = ProvedTube((0.0,), (), ())
     stop = StopAnswer(answer, nothing, (math.inf, -math.inf), None, math.inf)
     return Judgement(answer, answer, answer, stop)

@@ -11,6 +11,7 @@ from workbench.runtime.contents import Manifest
 from workbench.runtime.judgement import CannotJudgeError
 from workbench.runtime.observation import Observation
 from workbench.runtime.path import NoProjection, PathPose, PathTable
+from workbench.runtime.policies.cycle import Ground
 from workbench.sets import Box
 
 STATES = (
@@ -115,5 +116,6 @@ def check_region(manifest: Manifest, box: Box) -> None:
         low, high = box.interval(name)
         if not (lower <= low and high <= upper):
             raise CannotJudgeError(
-                f"{name}: the proof covers [{lower!r}, {upper!r}], got [{low!r}, {high!r}]"
+                f"{name}: the proof covers [{lower!r}, {upper!r}], got [{low!r}, {high!r}]",
+                Ground.REGION,
             )

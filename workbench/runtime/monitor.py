@@ -13,6 +13,7 @@ from workbench.runtime.arc import Interval
 from workbench.runtime.bundle import Bundle
 from workbench.runtime.decision import Action, Decision
 from workbench.runtime.floats import float_mode_fault
+from workbench.runtime.grounds import grounds
 from workbench.runtime.judgement import (
     CannotJudgeError,
     Judgement,
@@ -37,6 +38,7 @@ from workbench.runtime.person_tubes import TrackedPerson
 from workbench.runtime.policies import (
     Cycle,
     Deciding,
+    Ground,
     LookAhead,
     Phase,
     Policies,
@@ -123,7 +125,7 @@ class Monitor:
             decision = self._decision(outcome, judgement, begun_s)
         except Exception as error:
             # Whatever went wrong, the vehicle must get an answer.
-            judgement = unjudged(_said(error))
+            judgement = unjudged(_said(error), _ground(error))
             state, outcome = self._policies.missed(
                 self._state, judgement.track_intent, now_s=self._now()
             )
@@ -169,7 +171,7 @@ class Monitor:
         if fault is None:
             judgement, fault = self._judged(observation, people, measured)
         else:
-            judgement = unjudged(fault)
+            judgement = unjudged(fault, Ground.ARITHMETIC)
         cycle = Cycle(
             stamp_s=observation.stamp_s,
             started_s=started_s,
@@ -199,9 +201,9 @@ class Monitor:
                 raise KernelFaultError(f"the kernel changed the processor's mode: {fault}")
             return judge(result, question), None
         except CannotJudgeError as error:
-            return unjudged(str(error)), None
+            return unjudged(str(error), error.ground), None
         except KernelFaultError as error:
-            return unjudged(str(error)), str(error)
+            return unjudged(str(error), Ground.ARITHMETIC), str(error)
 
     def _query(
         self, observation: Observation, people: Sequence[TrackedPerson], measured: tuple[Box, ...]
@@ -268,6 +270,7 @@ class Monitor:
             assumptions=self._bundle.manifest.assumptions,
             elapsed_s=time.perf_counter() - begun_s,
             rigor=self._rigor,
+            grounds=grounds(outcome, judgement),
         )
 
 
@@ -286,6 +289,10 @@ def _said(error: Exception) -> str:
         return f"{error}" if isinstance(error, CannotJudgeError) else f"{_kind(error)}: {error}"
     except Exception:
         return _kind(error)
+
+
+def _ground(error: Exception) -> Ground:
+    return error.ground if isinstance(error, CannotJudgeError) else Ground.ARITHMETIC
 
 
 def _kind(error: Exception) -> str:

@@ -19,6 +19,7 @@ from workbench.runtime.person_tubes import (
     TrackedPerson,
     packed,
 )
+from workbench.runtime.policies.cycle import Ground
 
 _REFERENCE_SPEED = "reference_speed"
 _NODES_BEHIND = 4
@@ -90,7 +91,8 @@ def parameter_values(manifest: Manifest, reference_speed_mps: float) -> list[flo
             if not parameter.lower <= value <= parameter.upper:
                 raise CannotJudgeError(
                     f"reference speed: the proof covers [{parameter.lower!r}, "
-                    f"{parameter.upper!r}] m/s, got {value!r}"
+                    f"{parameter.upper!r}] m/s, got {value!r}",
+                    Ground.REGION,
                 )
         values.append(value)
     return values

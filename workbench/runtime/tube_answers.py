@@ -19,7 +19,7 @@ from workbench.runtime.layout import (
     KernelStatus,
 )
 from workbench.runtime.person_tubes import MOST_TUBES, TubeKind
-from workbench.runtime.policies.cycle import Answer, Watched
+from workbench.runtime.policies.cycle import Answer, Ground, Watched
 from workbench.runtime.policies.plan import SPEED
 from workbench.sets import Box
 
@@ -138,8 +138,11 @@ def believed(tube: KernelTube, kind: TubeKind, question: Question) -> Answer:
         verdict = Verdict.SAFE
         reason = f"safe: at least {nearest.clearance_m:.2f} m from {nearest.person}"
     time_s = None if nearest.clearance_m is None else nearest.time_s
-    person = nearest.person
-    return Answer(verdict, reason, nearest.clearance_m, time_s, person, tube.ends_s)
+    ground = Ground.PEOPLE if tube.complete else Ground.MOTION
+    return Answer(
+        verdict, reason, nearest.clearance_m, time_s, nearest.person, tube.ends_s,
+        None if safe else ground,
+    )  # fmt: skip
 
 
 def whole(result: Result, name: str, *, least: int, most: int, at: int = 0) -> int:

@@ -16,9 +16,10 @@ from workbench.runtime.onboard.faults import Found, Reaction
 from workbench.runtime.onboard.states import Request, State
 from workbench.runtime.onboard.times import TURN_US
 from workbench.runtime.onboard.turns import TurnResult
-from workbench.runtime.policies import Turn
+from workbench.runtime.policies import Ground, Turn
 from workbench.simulation.bus_world import BEGUN_US, BusWorld
 from workbench.simulation.measures import Drawing, Moment, Progress
+from workbench.simulation.objections import Objections
 from workbench.simulation.people import PeopleModel
 from workbench.simulation.plants.chassis import Motion
 from workbench.simulation.recorded_path import corners
@@ -39,7 +40,8 @@ class Instant:
     """One turn of the loop: the car's true motion, the core's state, people where they are.
 
     t_s: on the scenario's clock; tracks: whether TRACK was sent; faults: names of those that brake
-    or yield; station_m: of the car on its path; observation: of a turn that decided.
+    or yield; station_m: of the car on its path; observation: of a turn that decided; grounds: what
+    stands against TRACK (`Objections`).
     """
 
     t_s: float
@@ -50,6 +52,7 @@ class Instant:
     people: tuple[PersonNow, ...]
     faults: tuple[str, ...]
     observation: Observation | None
+    grounds: tuple[Ground, ...]
 
 
 @final
@@ -141,6 +144,7 @@ class _Story:
     def __init__(self, world: BusWorld, recorded: Recorded) -> None:
         self._world, self._recorded = world, recorded
         self._drawing = Drawing(recorded.horizon_s, 0.5, corners(world.scene.setting.path))
+        self._objections = Objections()
         self._instants: list[Instant] = []
         self._decided: list[tuple[Moment, TurnResult]] = []
         self._samples: dict[str, tuple[str, list[PersonSample]]] = {}
@@ -148,11 +152,12 @@ class _Story:
     def turned(self, result: TurnResult) -> None:
         """One turn has ended."""
         world, scene = self._world, self._world.scene
+        faults = tuple(each.fault.name for each in result.faults if answered(each))
+        grounds = self._objections.after(result.decision, blind=bool(faults))
         if world.scenario_s < 0.0:
             return
         car, people = scene.car_now(), scene.people
         tracks = result.state is State.TRACKING
-        faults = tuple(each.fault.name for each in result.faults if answered(each))
         t_s = world.scenario_s
         self._instants.append(
             Instant(
@@ -164,6 +169,7 @@ class _Story:
                 people,
                 faults,
                 result.observation,
+                grounds,
             )
         )
         for person in people:

@@ -29,7 +29,7 @@ from workbench.simulation.frames import Point
 from workbench.simulation.occlusion import hidden, shadow_discs
 from workbench.simulation.pacmod2_unit import CanFrame
 from workbench.simulation.plants.chassis import Motion
-from workbench.simulation.scenarios.scenario import Sensing
+from workbench.simulation.scenarios.scenario import Ghost, Sensing
 from workbench.simulation.walkers.pedestrian import PersonNow
 
 LOCALISED_US: Final = 100_000
@@ -40,9 +40,12 @@ PEOPLE_US: Final = 200_000
 CLOCK_US: Final = 7_000_000
 """By so much the sensors' clock is ahead of the monitor's."""
 _REMEMBERED_S: Final = 2.0
-"""Who went out of sight is reported from where they were seen last, for so long."""
+"""Who is not seen any more is reported from where they were seen last, for so long."""
+_GIVEN_UP_S: Final = 1.0
+"""And then, as somebody who may be there, for so long: who knew them can let go of them."""
 _ASSUMED_TRACK: Final = 60_000
 _UNSEEN_MPS: Final = 2.5
+_FASTEST_MPS: Final = {PersonKind.ON_FOOT: 2.5, PersonKind.ON_WHEELS: 7.0}
 _LARGEST_BODY_M: Final = 0.9
 _RIM_M: Final = 4.0
 """People are reported so much farther than is watched: who leaves does not vanish at the rim."""
@@ -115,7 +118,7 @@ class Sensors:
         self._look(people, motion, eye, t_s)
         if self._lost("people", at_us):
             return None
-        found = [*self._reported(t_s), *self._ghosts(t_s), *self._assumed(eye)]
+        found = [*self._reported(t_s), *self._assumed(eye)]
         within = sorted(self._nearby(found, motion), key=lambda each: each[0])
         watched_m = self.sensing.watched_m
         if len(within) > CAPACITY:
@@ -140,7 +143,10 @@ class Sensors:
         }
 
     def _look(self, people: Iterable[PersonNow], motion: Motion, eye: Point, t_s: float) -> None:
-        """Measure everybody who is in sight and near."""
+        """Measure everybody who is in sight and near, and who is falsely detected."""
+        for k, ghost in enumerate(self.sensing.ghosts):
+            if ghost.from_s <= t_s <= ghost.until_s:
+                self._seen[f"ghost {k}"] = _Remembered(self._ghost(k, ghost), t_s)
         for person in people:
             place = (person.x_m, person.y_m)
             away_m = math.dist(place, (motion.x_m, motion.y_m))
@@ -167,21 +173,25 @@ class Sensors:
         )  # fmt: skip
 
     def _reported(self, t_s: float) -> list[SentPerson]:
-        """Everybody seen within the last seconds, each with the age of what is said of them."""
+        """Everybody seen within the last seconds, each with the age of what is said of them; for
+        some time more somebody assumed in their place, who can do all that they could."""
         known = self._seen.items()
-        self._seen = {name: r for name, r in known if t_s - r.seen_s <= _REMEMBERED_S}
-        return [_aged(each.person, t_s - each.seen_s) for each in self._seen.values()]
-
-    def _ghosts(self, t_s: float) -> list[SentPerson]:
-        sensing = self.sensing
+        most_s = _REMEMBERED_S + _GIVEN_UP_S
+        self._seen = {name: r for name, r in known if t_s - r.seen_s <= most_s}
         return [
-            SentPerson(
-                self._tracks.setdefault(f"ghost {k}", len(self._tracks)), PersonKind.ON_FOOT,
-                ghost.x_m, ghost.y_m, 0.3 + sensing.person_m, 0.0, 0.0, sensing.person_mps, 0.0,
-            )
-            for k, ghost in enumerate(sensing.ghosts)
-            if ghost.from_s <= t_s <= ghost.until_s
-        ]  # fmt: skip
+            _aged(each.person, t_s - each.seen_s)
+            if t_s - each.seen_s <= _REMEMBERED_S
+            else _given_up(each.person, t_s - each.seen_s)
+            for each in self._seen.values()
+        ]
+
+    def _ghost(self, number: int, ghost: Ghost) -> SentPerson:
+        sensing = self.sensing
+        track = self._tracks.setdefault(f"ghost {number}", len(self._tracks))
+        return SentPerson(
+            track, PersonKind.ON_FOOT, ghost.x_m, ghost.y_m, 0.3 + sensing.person_m, 0.0, 0.0,
+            sensing.person_mps, 0.0,
+        )  # fmt: skip
 
     def _assumed(self, eye: Point) -> list[SentPerson]:
         """Somebody, on foot or on wheels, at every place where one could step out of a shadow."""
@@ -237,6 +247,14 @@ def _aged(person: SentPerson, age_s: float) -> SentPerson:
     return SentPerson(
         person.track, person.kind, x, y, r, person.x_speed_mps, person.y_speed_mps,
         person.velocity_radius_mps, age_s,
+    )  # fmt: skip
+
+
+def _given_up(person: SentPerson, age_s: float) -> SentPerson:
+    """Somebody who may be where this person was, and can be as fast as anybody of their kind."""
+    return SentPerson(
+        person.track, PersonKind.ASSUMED, person.x_m, person.y_m, person.position_radius_m, 0.0,
+        0.0, _FASTEST_MPS[person.kind], age_s,
     )  # fmt: skip
 
 

@@ -1,10 +1,11 @@
 """A scenario driven without a bus: the same kernel, policies, law, drive-by-wire, plant and people,
 with observations made from the truth. For campaigns: several times as fast as over frames.
 
-What is left out: frames with their rounding, clocks, dead reckoning, the checks for faults, and
-arming. In their place stand errors within the same bounds, and intervals about as wide as the
-core's were in drives of the library. A car whose place is too old, or known less well than the
-proof grants its controller, brakes, and what it is asked about then is INVALID.
+What is left out: frames with their rounding, dead reckoning, the checks for faults, and arming. In
+their place stand errors within the same bounds, and intervals about as wide as the core's were in
+drives of the library; the delay of the localisation is in these. People come as late as on the bus,
+with stamps of another clock. A car whose place or people are too old, or whose place is known less
+well than the proof grants its controller, brakes, and what it is asked about then is INVALID.
 """
 
 from __future__ import annotations
@@ -14,11 +15,11 @@ import random
 from dataclasses import dataclass
 from typing import Final, final
 
-from workbench.runtime import Action, Observation, Watched
+from workbench.runtime import Action, Observation
 from workbench.runtime.arc import Interval
 from workbench.runtime.decision import Decision
 from workbench.runtime.onboard.actuation import Sent, Wanted, actuate, brake_outputs, resting
-from workbench.runtime.onboard.crowd import observed_person
+from workbench.runtime.onboard.dead_reckoning import Pose
 from workbench.runtime.onboard.onboard_settings import OnboardSettings
 from workbench.runtime.onboard.pid import (
     Integrals,
@@ -29,15 +30,16 @@ from workbench.runtime.onboard.pid import (
     ramped_reference_mps,
 )
 from workbench.runtime.onboard.times import DECIDE_EVERY, TURN_US
-from workbench.runtime.protocols import PeopleSeen
-from workbench.simulation.bus_sensing import CLOCK_US, LOCALISED_US, PEOPLE_US, Sensors
+from workbench.runtime.policies import Ground
+from workbench.simulation.bus_sensing import LOCALISED_US, Sensors
 from workbench.simulation.clock import SetClock
+from workbench.simulation.desk_people import DeskPeople
 from workbench.simulation.measures import Judge
+from workbench.simulation.objections import Objections
 from workbench.simulation.plants.chassis import Motion
 from workbench.simulation.scene import Scene
 
 _CHECK_S: Final = (0.005, 0.03)
-_UNSEEN_MPS: Final = 2.5
 # Beside what the localisation claims: what delays and frames add on board, and what each second
 # since the last one adds. The speed is known by the car's own reports.
 _POSITION_M, _HEADING_RAD, _STEERING_RAD, _SPEED_MPS = 0.1, 0.03, 0.019, 0.19
@@ -68,12 +70,14 @@ class Widths:
 @final
 @dataclass(frozen=True, slots=True)
 class Driving:
-    """Who decides and what the car is told by: judge reads clock; law, settings: of the bundle."""
+    """Who decides and what the car is told by: judge reads clock; law, settings: of the bundle;
+    heeds_faults: whether it brakes for what is not measured, whatever the judge permits."""
 
     judge: Judge
     clock: SetClock
     law: TrackLaw
     settings: OnboardSettings
+    heeds_faults: bool = True
 
 
 @final
@@ -88,15 +92,16 @@ class DeskLoop:
         self._chance = random.Random(f"desk {seed}")
         self._sensors = Sensors(scene.scenario.sensing, random.Random(f"sensors {seed}"), 0)
         self._errors = Errors(0.0, 0.0, 0.0, 0.0)
-        self._seen: PeopleSeen | None = None
-        self._due_us = {"place": 0, "people": 0}
-        self._located_us = 0
+        self._people = DeskPeople(scene, driving.settings.sensors, seed=seed)
+        self._due_us = self._located_us = 0
         self._integrals, self._command = Integrals(), LawCommand(0.0, 0.0, 0.0, 0.0)
         self._reference_mps, self._turns = 0.0, 0
         self._action = Action.BRAKE
         sent = resting(driving.settings.drive_by_wire, 0.0)
         assert sent is not None, "a straight wheel is within its limits"
         self._sent: Sent = sent
+        self._objections = Objections()
+        self.grounds: tuple[Ground, ...] = ()
         self.decision: Decision | None = None
 
     @property
@@ -121,11 +126,13 @@ class DeskLoop:
         self._measure()
         motion = scene.car.motion
         permitted = driving.judge.turn(now_s).action
-        action = Action.BRAKE if self._blind else permitted
+        blind = self._blind
+        action = Action.BRAKE if blind and driving.heeds_faults else permitted
         decides = self._turns % DECIDE_EVERY == 0
         self._drive(action, motion)
+        self.grounds = self._objections.after(None, blind=blind)
         if decides:
-            self._decide(motion, now_s)
+            self._objections.after(self._decide(motion, now_s))
         scene.advance(TURN_US)
         self._turns += 1
 
@@ -141,17 +148,19 @@ class DeskLoop:
 
     @property
     def _blind(self) -> bool:
-        """Whether the place is too old, or anything is known less well than the proof grants."""
+        """Whether place or people are too old, or anything is known less well than the proof
+        grants."""
         settings, widths = self._driving.settings, self._widths
         granted = settings.reading
         return (
-            self._scene.now_us - self._located_us > settings.sensors.localisation_age_us
+            self._people.lost
+            or self._scene.now_us - self._located_us > settings.sensors.localisation_age_us
             or widths.position_m > granted.offset_m
             or widths.heading_rad > granted.heading_rad
             or widths.speed_mps > granted.speed_mps
         )
 
-    def _decide(self, motion: Motion, now_s: float) -> None:
+    def _decide(self, motion: Motion, now_s: float) -> Decision:
         """Ask the judge; TRACK is about the next reference speed, which then holds."""
         driving, turn_s = self._driving, TURN_US / 1e6
         next_mps = ramped_reference_mps(
@@ -164,12 +173,13 @@ class DeskLoop:
         self.decision = driving.judge.step(observation)
         if self.decision.action is Action.TRACK:
             self._reference_mps = next_mps
+        return self.decision
 
     def _measure(self) -> None:
-        """New errors at 3 Hz, a new set of people at 5 Hz."""
+        """Where the car is, ten times a second, and who is around."""
         scene, at_us = self._scene, self._scene.now_us
-        if at_us >= self._due_us["place"]:
-            self._due_us["place"] += LOCALISED_US
+        if at_us >= self._due_us:
+            self._due_us += LOCALISED_US
             place = self._sensors.localised(scene.car.motion, at_us)
             if place is not None:
                 self._located_us = at_us
@@ -179,10 +189,7 @@ class DeskLoop:
                     math.remainder(place.heading_rad - true.heading, math.tau),
                     place.speed_mps - true.speed_mps,
                 )  # fmt: skip
-        if at_us >= self._due_us["people"]:
-            self._due_us["people"] += PEOPLE_US
-            seen = self._sensors.people(scene.people, scene.car.motion, scene.eye, at_us)
-            self._seen = self._seen if seen is None else seen
+        self._people.look(self._sensors)
 
     def _drive(self, action: Action, motion: Motion) -> None:
         """The law on what it reads, through the drive-by-wire, to the car."""
@@ -230,35 +237,24 @@ class DeskLoop:
         )
 
     def _observation(self, motion: Motion, reference_mps: float, now_s: float) -> Observation:
-        sensing, errors = self._scene.scenario.sensing, self._errors
-        settings, watched_m = self._driving.settings, 0.0
-        people = []
-        if self._seen is not None:
-            stamp_us = round(self._seen.stamp_s * 1e6) - CLOCK_US
-            now_us = self._scene.now_us
-            people = [
-                observed_person(
-                    sent, (stamp_us, stamp_us), now_us=now_us, settings=settings.sensors
-                )
-                for sent in self._seen.people
-            ]
-            gone_m = _UNSEEN_MPS * (now_us - stamp_us) / 1e6 + 4.0 * sensing.position_m
-            watched_m = max(self._seen.watched_radius_m - gone_m, 0.0)
-        widths = self._widths
-        speed = _around(motion.speed_mps + errors.speed_mps, widths.speed_mps)
-        x_m = math.nan if self._blind else motion.x_m + errors.x_m
+        errors, widths = self._errors, self._widths
+        pose = Pose(
+            _around(motion.x_m + errors.x_m, widths.position_m),
+            _around(motion.y_m + errors.y_m, widths.position_m),
+            _around(motion.heading + errors.heading_rad, widths.heading_rad),
+        )
         return Observation(
-            x=_around(x_m, widths.position_m),
-            y=_around(motion.y_m + errors.y_m, widths.position_m),
-            heading=_around(motion.heading + errors.heading_rad, widths.heading_rad),
+            x=(math.nan, math.nan) if self._blind else pose.x,
+            y=pose.y,
+            heading=pose.heading,
             steering=_around(motion.road_wheel_rad, _STEERING_RAD),
-            speed=speed,
+            speed=_around(motion.speed_mps + errors.speed_mps, widths.speed_mps),
             speed_integral=(self._integrals.speed_m, self._integrals.speed_m),
             offset_integral=(self._integrals.offset_ms, self._integrals.offset_ms),
             reference_speed_mps=reference_mps,
-            people=tuple(people),
+            people=self._people.observed(),
             stamp_s=now_s,
-            watched=Watched(motion.x_m, motion.y_m, watched_m),
+            watched=self._people.watched(pose),
         )
 
 

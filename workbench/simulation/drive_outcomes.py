@@ -4,29 +4,36 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, final
 
+from workbench.runtime.policies import Ground
 from workbench.simulation.scenarios.scenario import Expected, Scenario
 from workbench.simulation.scene import Contact, Nearness
 
 WALKING_MPS: Final = 1.5
 _STANDS_MPS: Final = 0.05
 _JERK_S: Final = 0.2
+_ABOUT: Final[Mapping[Expected, frozenset[Ground]]] = {
+    Expected.BRAKES: frozenset({Ground.PEOPLE}),
+    Expected.BRAKES_BLIND: frozenset({Ground.READING, Ground.TIME}),
+    Expected.BRAKES_UNPROVED: frozenset({Ground.MOTION, Ground.REGION}),
+}
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One turn: time (s), station (m), speed, acceleration along the body, and whether TRACK was
-    what was sent."""
+    """One turn: time (s), station (m), speed, acceleration along the body, whether TRACK was what
+    was sent, and what stood against it (`Objections`)."""
 
     t_s: float
     station_m: float
     speed_mps: float
     acceleration_mps2: float
     tracks: bool
+    grounds: tuple[Ground, ...]
 
 
 @final
@@ -35,7 +42,8 @@ class DriveOutcome:
     """One drive.
 
     set_off_s: first TRACK, None without one; brakes: times (s) at which BRAKE came after TRACK
-    while the car moved and had not passed; passed_s: when it had gone passed_m, None if never;
+    while the car moved and had not passed; grounds: why, for each of them; passed_s: when it had
+    gone passed_m, None if never;
     nearest_m: smallest distance of the moving car to anybody; contact: the first touch while it
     moved; stood_s: time at standstill after it set off and before it passed; way_m; fastest_mps;
     hardest_mps2: strongest deceleration; jerk_mps3: largest change of acceleration over 0.2 s.
@@ -43,6 +51,7 @@ class DriveOutcome:
 
     set_off_s: float | None
     brakes: tuple[float, ...]
+    grounds: tuple[tuple[Ground, ...], ...]
     passed_s: float | None
     nearest_m: float
     contact: Contact | None
@@ -60,7 +69,7 @@ class DriveOutcome:
         until_s = math.inf if passed_s is None else passed_s
         since_s = math.inf if set_off_s is None else set_off_s
         brakes = tuple(
-            after.t_s
+            after
             for before, after in itertools.pairwise(steps)
             if before.tracks and not after.tracks and after.t_s < until_s
             and after.speed_mps > _STANDS_MPS
@@ -70,7 +79,8 @@ class DriveOutcome:
             step.speed_mps <= _STANDS_MPS for step in steps if since_s <= step.t_s < until_s
         )
         return cls(
-            set_off_s, brakes, passed_s, nearness.moving_m, nearness.contact, stood * turn_s,
+            set_off_s, tuple(step.t_s for step in brakes), tuple(step.grounds for step in brakes),
+            passed_s, nearness.moving_m, nearness.contact, stood * turn_s,
             steps[-1].station_m - steps[0].station_m,
             max(step.speed_mps for step in steps),
             max(0.0, *(-step.acceleration_mps2 for step in steps)),
@@ -89,8 +99,8 @@ class DriveOutcome:
             return self.set_off_s is None or self.fastest_mps <= WALKING_MPS
         if self.set_off_s is None:
             return False
-        if expected is Expected.BRAKES:
-            return bool(self.brakes)
+        if expected in _ABOUT:
+            return any(_ABOUT[expected] & set(each) for each in self.grounds)
         return not self.brakes and self.passed_s is not None
 
     @property
@@ -101,7 +111,10 @@ class DriveOutcome:
             return f"touched {c.person} at {c.t_s:.1f} s with {c.speed_mps:.1f} m/s"
         if self.set_off_s is None:
             return "did not set off"
-        braked = f"braked {len(self.brakes)} times" if self.brakes else "did not brake"
+        why = dict.fromkeys(each.value for grounds in self.grounds for each in grounds)
+        braked = "did not brake"
+        if self.brakes:
+            braked = f"braked {len(self.brakes)} times ({', '.join(why) or 'nobody says why'})"
         passed = "never passed" if self.passed_s is None else f"passed at {self.passed_s:.1f} s"
         near = "" if self.nearest_m == math.inf else f", nearest {self.nearest_m:.2f} m"
         return f"{braked}, {passed}{near}"

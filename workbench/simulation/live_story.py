@@ -17,6 +17,7 @@ from workbench.runtime.policies import Turn
 from workbench.simulation.bus_drive import BusDrive, Instant, Recorded, answered, entry_of
 from workbench.simulation.bus_world import BusWorld
 from workbench.simulation.measures import Drawing, Moment
+from workbench.simulation.objections import Objections
 from workbench.simulation.people import PeopleModel
 from workbench.simulation.plants.chassis import Motion
 from workbench.simulation.recorded_path import corners
@@ -98,11 +99,11 @@ class LiveStory:
         found = {frame.data: result for result in results for frame in result.frames}
         drawing = Drawing(self._recorded.horizon_s, 0.5, corners(self._world.scene.setting.path))
         tracks = self._tracks()
-        instants: list[Instant] = []
+        objections, instants = Objections(), list[Instant]()
         entries: list[Entry] = []
         for beat in self._beats:
             result = found.get(beat.data)
-            instants.append(_instant(beat, result))
+            instants.append(_instant(beat, result, objections))
             if self._recorded.pages and result is not None and result.decision is not None:
                 entries.append(entry_of(_moment(beat), result, tracks, drawing))
         return BusDrive(tuple(instants), tuple(entries), self._world.scene.nearness)
@@ -116,13 +117,14 @@ class LiveStory:
         return tuple(Track(name, kind, tuple(those)) for name, (kind, those) in samples.items())
 
 
-def _instant(beat: _Beat, result: TurnResult | None) -> Instant:
+def _instant(beat: _Beat, result: TurnResult | None, objections: Objections) -> Instant:
     tracks = beat.state is State.TRACKING
     faults = () if result is None else tuple(f.fault.name for f in result.faults if answered(f))
     observation = None if result is None else result.observation
+    decision = None if result is None else result.decision
     return Instant(
         beat.t_s, beat.motion, beat.car.station_m, beat.state, tracks, beat.people, faults,
-        observation,
+        observation, objections.after(decision, blind=bool(faults)),
     )  # fmt: skip
 
 

@@ -105,7 +105,7 @@ class Rig:
             steps.append(
                 Step(
                     scene.now_s, scene.place().station_m, motion.speed_mps,
-                    motion.acceleration_mps2, loop.tracks,
+                    motion.acceleration_mps2, loop.tracks, loop.grounds,
                 )
             )  # fmt: skip
         return DriveOutcome.of(steps, scene.nearness, trial.scenario)
@@ -127,9 +127,11 @@ class Rig:
 def outcome_on_bus(driven: BusDrive, scenario: Scenario) -> DriveOutcome:
     """What came of a drive over the bus."""
     steps = [
-        Step(i.t_s, i.station_m, i.motion.speed_mps, i.motion.acceleration_mps2, i.tracks)
+        Step(
+            i.t_s, i.station_m, i.motion.speed_mps, i.motion.acceleration_mps2, i.tracks, i.grounds
+        )
         for i in driven.instants
-    ]
+    ]  # fmt: skip
     return DriveOutcome.of(steps, driven.nearness, scenario)
 
 

@@ -25,6 +25,24 @@ class ProvedTube:
     upper: Sequence[Sequence[float]]
 
 
+class Ground(enum.Enum):
+    """What stands against TRACK; the reason beside it says it in words.
+
+    PEOPLE: clearance from somebody is not proved, or people are not who and where they were taken
+    to be. MOTION: the car's own motion is not proved to the end that was asked for, or is not as it
+    was proved. REGION: what is measured or asked for lies outside of what the proof covers.
+    READING: what is measured is missing or cannot be used. TIME: a clock, an age or an instant is
+    out of order. ARITHMETIC: the kernel, its arithmetic or the program cannot be trusted.
+    """
+
+    PEOPLE = "people"
+    MOTION = "motion"
+    REGION = "region"
+    READING = "reading"
+    TIME = "time"
+    ARITHMETIC = "arithmetic"
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class Answer:
@@ -33,7 +51,7 @@ class Answer:
     verdict: SAFE, UNPROVED, or INVALID for what could not be judged; reason: a sentence;
     clearance_m, clearance_time_s (after the stamp), clearance_person: the smallest proved
     clearance, None with nobody; holds_s: until when after the stamp tube and people's tubes were
-    compared.
+    compared. ground: why it is not SAFE, None where it is.
     """
 
     verdict: Verdict
@@ -42,6 +60,7 @@ class Answer:
     clearance_time_s: float | None
     clearance_person: str | None
     holds_s: float
+    ground: Ground | None = None
 
 
 @final

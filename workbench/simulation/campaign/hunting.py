@@ -78,7 +78,8 @@ def hunt(
     store: Store, quarry: Quarry, trials: int, crew: Workers, *, at_once: int,
     advance: Callable[[int], None],
 ) -> list[Catch]:  # fmt: skip
-    """Go on until there are so many trials; the best ones, which are also written to best.json.
+    """Go on until there are so many trials; all of them, what refutes a claim first: avoidable
+    contacts, then by worth. The first ten are also written to best.json.
 
     Tree-structured Parzen estimator of Optuna, kept in its journal, so that a second start goes
     on. Raises InputError where the extra `study` is missing.
@@ -100,8 +101,8 @@ def hunt(
             of[task.scenario.point].set_user_attr("row", dataclasses.asdict(row))
             study.tell(of[task.scenario.point], quarry.worth(row))
             advance(1)
-    found = _best(study, quarry)
-    text = json.dumps([dataclasses.asdict(each) for each in found], indent=1)
+    found = _caught(study, quarry)
+    text = json.dumps([dataclasses.asdict(each) for each in found[:_KEPT]], indent=1)
     write_whole(store.folder / "hunts" / quarry.name / "best.json", text + "\n")
     return found
 
@@ -160,10 +161,10 @@ def _told(study: Any) -> int:
     return sum(each.state.name == "COMPLETE" for each in study.trials)
 
 
-def _best(study: Any, quarry: Quarry) -> list[Catch]:
+def _caught(study: Any, quarry: Quarry) -> list[Catch]:
     done = [each for each in study.trials if each.state.name == "COMPLETE"]
     done.sort(key=lambda each: (each.value, each.number))
-    return [
+    found = [
         Catch(
             quarry, FAMILY, float(each.value),
             SampledScenario(
@@ -171,5 +172,6 @@ def _best(study: Any, quarry: Quarry) -> list[Catch]:
             ),
             Row(**each.user_attrs["row"]),
         )
-        for each in done[:_KEPT]
+        for each in done
     ]  # fmt: skip
+    return sorted(found, key=lambda each: not each.row.avoidable)

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import Final, final
+from typing import final
 
 from workbench.claims import Rigor, Verdict
 from workbench.runtime import Action, Decision, Observation
-from workbench.runtime.policies import Outcome, Turn
+from workbench.runtime.policies import Ground, Outcome, Turn
 from workbench.simulation.measures import Judge
-
-_OUT_OF_REGION: Final = "the proof covers"
-"""Stands in the reason of what the monitor refuses to judge for leaving the proof's region."""
 
 
 def plain_decision(action: Action, reason: str) -> Decision:
@@ -106,7 +103,7 @@ class Counted:
         decision = self._judge.step(observation)
         self.script.decisions.append(decision.action)
         self.verdicts[decision.verdict] += 1
-        self.out_of_region += _OUT_OF_REGION in decision.look_ahead.reason
+        self.out_of_region += Ground.REGION in decision.grounds
         self.violations.update({each.hypothesis.name for each in decision.violations})
         self.alerts += decision.alert is not None
         return decision

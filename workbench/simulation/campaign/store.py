@@ -148,6 +148,10 @@ class Store:
                 parts.append(range(k, k + 1))
         return parts
 
+    def driven(self, plant: str) -> bool:
+        """Whether there is any result for a plant."""
+        return bool(self._parts(plant))
+
     def write(self, plant: str, indices: range, rows: Sequence[Row]) -> None:
         """One part, whole or not at all."""
         import pyarrow

@@ -61,8 +61,11 @@ def drive(rig: Rig, trial: Trial, judge: MakeJudge) -> Drive:
     """Drive it; the same trial and judge give the same drive."""
     clock = SetClock()
     scene = rig.scene(trial)
-    counted = Counted(judge(scene.setting.path, clock))
-    loop = _loop(rig, trial, counted, clock, scene)
+    made = judge(scene.setting.path, clock)
+    counted = Counted(made)
+    loop = _loop(
+        rig, trial, (counted, clock), scene, heeds_faults=not isinstance(made, NeverBrakes)
+    )
     stops, moving_tracks, stood, waited = 0, False, 0, 0
     set_off: int | None = None
     turn, way_m, passed = 0, 0.0, False
@@ -125,7 +128,7 @@ def _periods(first: int, last: int) -> Iterator[int]:
 def _stops_clear(rig: Rig, trial: Trial, judge: Judge, until: int) -> bool:
     """Whether the car comes to a standstill after its brake without contact."""
     clock, scene = SetClock(), rig.scene(trial)
-    loop = _loop(rig, trial, judge, clock, scene)
+    loop = _loop(rig, trial, (judge, clock), scene, heeds_faults=True)
     turn = 0
     while scene.now_s < trial.scenario.duration_s:
         loop.turn()
@@ -137,6 +140,9 @@ def _stops_clear(rig: Rig, trial: Trial, judge: Judge, until: int) -> bool:
     return True
 
 
-def _loop(rig: Rig, trial: Trial, judge: Judge, clock: SetClock, scene: Scene) -> DeskLoop:
-    driving = Driving(judge, clock, law_of(rig.bundle.manifest.parameters), rig.settings)
+def _loop(
+    rig: Rig, trial: Trial, asked: tuple[Judge, SetClock], scene: Scene, *, heeds_faults: bool
+) -> DeskLoop:
+    law = law_of(rig.bundle.manifest.parameters)
+    driving = Driving(*asked, law, rig.settings, heeds_faults)
     return DeskLoop(scene, driving, seed=trial.seed)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, final
+from typing import Any, Final, final
 
+from workbench.errors import InputError
 from workbench.simulation.campaign.baselines import baseline
 from workbench.simulation.campaign.contenders import NEVER, Field, is_baseline
 from workbench.simulation.campaign.rows import Row, drive_all, missed, trial_of
@@ -82,22 +83,39 @@ class Survey:
             advance(len(indices))
 
     def tune(self, plant: str, training: Sequence[int], advance: Advance) -> None:
-        """Find the parameters of the baselines that have none yet for a plant, and store them.
+        """Find the parameters of the baselines for a plant, and store them: of those that have
+        none, and of those that were tuned on fewer scenarios.
 
-        training: indices of the half that is tuned on (see `training_half`)."""
+        training: indices of the half that is tuned on (see `training_half`). Raises InputError
+        where a baseline was tuned on fewer and has driven."""
         tuned = self.store.parameters()
-        wanted = [each for each in self.manifest.contenders if is_baseline(each)]
-        if all(each in tuned.get(plant, {}) for each in wanted):
+        known = tuned.get(plant, {})
+        wanted = [
+            each for each in self.manifest.contenders
+            if is_baseline(each) and known.get(each, {}).get("training", 0) < len(training)
+        ]  # fmt: skip
+        if not wanted:
             return
+        self._require_not_driven(plant, [known[each] for each in wanted if each in known], training)
         hard = self._missed(plant, NEVER, 0.0, training)
         for name in wanted:
-            if name in tuned.get(plant, {}):
-                continue
             misses = functools.partial(self._missed, plant, name)
             found = tune(baseline(name), training, hard, misses)
             tuned.setdefault(plant, {})[name] = dataclasses.asdict(found)
             self.store.keep_parameters(tuned)
             advance(1)
+
+    def _require_not_driven(
+        self, plant: str, known: Sequence[Mapping[str, Any]], training: Sequence[int]
+    ) -> None:
+        if not known or not self.store.driven(plant):
+            return
+        least = min(each["training"] for each in known)
+        raise InputError(
+            f"{self.store.folder}: expected baselines of {plant} tuned on {len(training)} "
+            f"scenarios, found ones tuned on {least} that have driven; keep them with --training "
+            f"{least}, or name another folder with --out"
+        )
 
     def _missed(self, plant: str, name: str, parameter: float, indices: Sequence[int]) -> list[int]:
         tasks = [

@@ -5,9 +5,13 @@ from __future__ import annotations
 import contextlib
 import logging
 import signal
+import socket
 from collections.abc import Callable, Iterable, Iterator
-from typing import Protocol, TypeVar, final
+from typing import Final, Protocol, TypeVar, final
 
+from workbench.errors import InputError
+
+_ANSWERS_S: Final = 10.0
 _T = TypeVar("_T")
 _R = TypeVar("_R")
 
@@ -51,7 +55,8 @@ class OnDask:
 @contextlib.contextmanager
 def workers(jobs: int, scheduler: str | None) -> Iterator[Workers]:
     """Workers for a block: this process for one job, local processes for more, the cluster of a
-    scheduler's address where one is named; Ctrl-C is then for this process alone."""
+    scheduler's address where one is named; Ctrl-C is then for this process alone. Raises InputError
+    where nobody answers there."""
     if scheduler is None and jobs == 1:
         yield InProcess()
         return
@@ -68,11 +73,27 @@ def workers(jobs: int, scheduler: str | None) -> Iterator[Workers]:
             )
             address: object = stack.enter_context(cluster)
         else:
+            _require_answer(scheduler)
             address = scheduler
         client = stack.enter_context(Client(address, set_as_default=False))
         if scheduler is None:
             client.run(_leave_interrupts)
         yield OnDask(client)
+
+
+def _require_answer(scheduler: str) -> None:
+    """Raise InputError unless somebody listens there. A client that is refused takes half a minute
+    to say so, and then says it at length."""
+    from distributed.comm import get_address_host_port, normalize_address
+
+    try:
+        place = get_address_host_port(normalize_address(scheduler), strict=True)
+        socket.create_connection(place, timeout=_ANSWERS_S).close()
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"--scheduler: expected the address of a Dask scheduler that answers, got "
+            f"{scheduler!r} ({error}); `dask scheduler` prints its own"
+        ) from error
 
 
 def _leave_interrupts() -> None:

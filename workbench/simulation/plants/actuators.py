@@ -144,11 +144,6 @@ class DriveByWireCar:
         return self._chassis.motion
 
     @property
-    def realised_mps2(self) -> float:
-        """Rate of the speed within the latest sub-step."""
-        return self._chassis.motion.acceleration_mps2
-
-    @property
     def accelerator(self) -> float:
         """Where the pedal is, a ratio."""
         return self._pressed[0]

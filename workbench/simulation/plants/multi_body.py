@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import functools
 import math
 from collections.abc import Mapping
@@ -19,7 +18,7 @@ from workbench.models.section_reading import (
     require_keys,
 )
 from workbench.simulation.plants.chassis import Motion, Start, not_finite
-from workbench.simulation.plants.compiled import Doubles, doubles, stepping
+from workbench.simulation.plants.compiled import Stepped, stepping
 from workbench.simulation.plants.traced import multi_body_field
 
 # Keys of the file and names of the package, section by section; "" for what is set by hand.
@@ -111,7 +110,7 @@ class MultiBodyChassis:
     Raises InputError without the extra `commonroad` or a C compiler.
     """
 
-    __slots__ = ("_acceleration", "_advance", "_input", "_p", "_rear", "_x")
+    __slots__ = ("_moved", "_rear")
 
     def __init__(self, wheelbase_m: float, steering_limit_rad: float, *, start: Start) -> None:
         start.require_possible(wheelbase_m, steering_limit_rad)
@@ -125,18 +124,17 @@ class MultiBodyChassis:
         speed = math.hypot(start.speed_mps, self._rear * turning)
         slip = math.atan2(self._rear * turning, start.speed_mps)
         core = [x, y, start.road_wheel_rad, speed, start.heading, turning, slip]
-        self._x = doubles(init_mb(core, parameters))
-        self._input, self._p = doubles([0.0, 0.0]), _step_values(parameters)
-        self._acceleration = 0.0
-        self._advance = _compiled(wheelbase_m, steering_limit_rad)
+        advance = _compiled(wheelbase_m, steering_limit_rad)
+        self._moved = Stepped(advance, init_mb(core, parameters), _step_values(parameters))
 
     @property
     def motion(self) -> Motion:
         """Of the middle of the rear axle; its acceleration is the mean of the latest advance."""
-        x, heading, rear = self._x, self._x[4], self._rear
+        x, rear = self._moved.x, self._rear
+        heading = x[4]
         return Motion(
             x[0] - rear * math.cos(heading), x[1] - rear * math.sin(heading), heading, x[3],
-            x[10] - rear * x[5], x[5], x[2], self._acceleration,
+            x[10] - rear * x[5], x[5], x[2], self._moved.acceleration_mps2,
         )  # fmt: skip
 
     def advance(
@@ -145,20 +143,16 @@ class MultiBodyChassis:
         """Go on for a time. Raises InputError where the state is no longer finite."""
         if duration_s <= 0.0:
             return
-        asked, x = self._input, self._x
-        asked[0], asked[1], before = steering_rate_radps, acceleration_mps2, x[3]
-        self._advance(x, asked, self._p, ctypes.c_double(duration_s))
-        if not math.isfinite(x[2] + x[4]):
+        if not self._moved.advance((steering_rate_radps, acceleration_mps2), duration_s):
             raise not_finite(acceleration_mps2, steering_rate_radps)
-        self._acceleration = (x[3] - before) / duration_s
 
 
-def _step_values(p: Any) -> Doubles:
+def _step_values(p: Any) -> list[float]:
     """p of c/multi_body.c. A wheel's slip settles at I u / (R^2 K F) with K F, the stiffness of its
     longitudinal slip under at most half the weight, and u, its speed."""
     stiffness = p.tire.p_kx1 * 0.5 * p.m * 9.81
     settles = p.I_y_w / (p.R_w * p.R_w * stiffness)
-    return doubles([p.a, p.b, p.T_f, p.T_r, p.R_w, p.steering.max, settles])
+    return [p.a, p.b, p.T_f, p.T_r, p.R_w, p.steering.max, settles]
 
 
 @functools.cache

@@ -23,7 +23,7 @@ from workbench.models.section_reading import (
     require_positive,
 )
 from workbench.simulation.plants.chassis import Motion, Start, not_finite
-from workbench.simulation.plants.compiled import doubles, stepping
+from workbench.simulation.plants.compiled import Stepped, stepping
 
 GRAVITY_MPS2: Final = 9.81
 STEP_S: Final = 0.0025
@@ -120,7 +120,7 @@ class SingleTrackChassis:
     step_s: longest step of the Runge-Kutta integration. Raises InputError without a C compiler.
     """
 
-    __slots__ = ("_acceleration", "_advance", "_input", "_p", "_rear", "_step", "_x")
+    __slots__ = ("_moved", "_rear", "_step")
 
     def __init__(
         self, parameters: SingleTrack, wheelbase_m: float, steering_limit_rad: float, *,
@@ -128,22 +128,20 @@ class SingleTrackChassis:
     ) -> None:  # fmt: skip
         start.require_possible(wheelbase_m, steering_limit_rad)
         values = parameter_values(parameters, wheelbase_m, steering_limit_rad)
-        self._p, self._rear, self._step = doubles(values), values[-2], step_s
+        self._rear, self._step = values[-2], step_s
         turning = start.yaw_rate_radps(wheelbase_m)
         place = (start.x_m, start.y_m, start.heading, start.speed_mps)
         state = (*place, self._rear * turning, turning, start.road_wheel_rad, 0.0, 0.0)
-        self._x = doubles(state)
-        self._input = doubles([0.0, 0.0])
-        self._acceleration = 0.0
-        self._advance = stepping([field()], "single_track.c", {"WB_LIMIT": len(_NAMES) - 1})
+        advance = stepping([field()], "single_track.c", {"WB_LIMIT": len(_NAMES) - 1})
+        self._moved = Stepped(advance, state, values)
 
     @property
     def motion(self) -> Motion:
         """Where it is and how it moves; its acceleration is the mean of the latest advance."""
-        x, y, heading, along, side, turning, steering, _, _ = self._x
+        x, y, heading, along, side, turning, steering, _, _ = self._moved.x
         return Motion(
             x, y, heading, along, side - self._rear * turning, turning, steering,
-            self._acceleration,
+            self._moved.acceleration_mps2,
         )  # fmt: skip
 
     def advance(
@@ -152,13 +150,10 @@ class SingleTrackChassis:
         """Go on for a time. Raises InputError where the state is no longer finite."""
         if duration_s <= 0.0:
             return
-        asked, x = self._input, self._x
-        asked[0], asked[1], before = acceleration_mps2, steering_rate_radps, x[3]
-        steps = math.ceil(duration_s / self._step - 1e-9)
-        self._advance(x, asked, self._p, ctypes.c_double(duration_s), ctypes.c_longlong(steps))
-        if not math.isfinite(x[2] + x[6]):
+        steps = ctypes.c_longlong(math.ceil(duration_s / self._step - 1e-9))
+        asked = acceleration_mps2, steering_rate_radps
+        if not self._moved.advance(asked, duration_s, steps):
             raise not_finite(acceleration_mps2, steering_rate_radps)
-        self._acceleration = (x[3] - before) / duration_s
 
 
 def parameter_values(

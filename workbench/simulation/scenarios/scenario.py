@@ -20,7 +20,12 @@ class Expected(enum.Enum):
     PASSES = "passes"
     """Sets off and does not brake again before it has gone `passed_m`."""
     BRAKES = "brakes"
-    """Sets off, and brakes at least once before `passed_m`."""
+    """Sets off, and brakes at least once before `passed_m` because of people: clearance from
+    somebody is not proved, or people are not who and where they were taken to be."""
+    BRAKES_BLIND = "brakes_blind"
+    """The same because something is not measured, or not well enough."""
+    BRAKES_UNPROVED = "brakes_unproved"
+    """The same because the car's own motion is not proved, whoever is around."""
     STAYS = "stays"
     """Does not set off, or is never faster than walking pace, 1.5 m/s."""
     COLLIDES = "collides"

@@ -57,11 +57,13 @@ class Mover:
 
     def __init__(self, place: Point, velocity: Point, limits: MotionLimits) -> None:
         """place in m, velocity in m/s; raises InputError for numbers that are not finite, limits
-        that are not above 0 and a velocity above the limit."""
+        that are not above 0 and a velocity above the limit (beyond rounding: a direction times
+        the limit may exceed it by an ulp)."""
         speed, push = limits.speed_mps, limits.acceleration_mps2
         if not (0.0 < speed < math.inf and 0.0 < push < math.inf):
             raise InputError(f"expected limits above 0 m/s and 0 m/s^2, got {speed} and {push}")
-        if not all(map(math.isfinite, (*place, *velocity))) or math.hypot(*velocity) > speed:
+        finite = all(map(math.isfinite, (*place, *velocity)))
+        if not finite or math.hypot(*velocity) > (1.0 + _ROUNDING) * speed:
             raise InputError(
                 f"expected a place in finite metres and a velocity of at most {speed:g} m/s, got "
                 f"{place} and {velocity}"
