@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -38,7 +39,10 @@ _CENTRE = Examiner(
     step_s=0.1,
     goals_per_coordinate=6,
     rounds=5,
+    starts=2,
+    second_order_rounds=1,
     any_centre=False,
+    closer=True,
     stays_in_region=Rigor.ENCLOSED,
 )
 _PAIRS = Examiner(
@@ -47,7 +51,10 @@ _PAIRS = Examiner(
     step_s=0.1,
     goals_per_coordinate=6,
     rounds=5,
+    starts=2,
+    second_order_rounds=1,
     any_centre=True,
+    closer=True,
     stays_in_region=Rigor.ENCLOSED,
 )
 
@@ -127,7 +134,7 @@ def test_a_true_bound_is_not_refuted_even_when_it_is_tight(method: Examiner) -> 
 def test_coverage_tells_where_the_bound_fails() -> None:
     # The slack covers the error of Runge-Kutta, which a tight bound would feel.
     coverage = {c.group: c for c in _examine(_claim(0.8, at_s=0.8, slack=1e-5), _PAIRS).coverage}
-    assert set(coverage) == {"interior", "faces", "vertices", "other centres"}
+    assert set(coverage) == {"interior", "faces", "vertices", "other centres", "closer pairs"}
     assert coverage["vertices"].pairs == 4
     assert coverage["vertices"].whole_run == 0.5
     assert coverage["vertices"].per_instant[8] == 0.5
@@ -231,7 +238,10 @@ def test_the_learned_bound_of_b1_fails_at_vertices_although_samples_obey_it() ->
             step_s=0.05,
             goals_per_coordinate=4,
             rounds=2,
+            starts=2,
+            second_order_rounds=1,
             any_centre=False,
+            closer=False,
             stays_in_region=Rigor.ENCLOSED,
         ),
     )
@@ -253,3 +263,32 @@ def test_a_bound_over_other_states_is_refused() -> None:
             proved=(),
             method=_CENTRE,
         )
+
+
+def test_a_bound_that_shrinks_too_fast_is_refuted_by_closer_pairs() -> None:
+    @dataclass(frozen=True)
+    class Shrinking:
+        def half_widths(self, initial: tuple[float, ...], t_s: float) -> tuple[float, ...]:
+            share = max(r / s for r, s in zip(initial, _SET.radius, strict=True))
+            exact = _Tight(_MATRIX, 1.0, 0, 9.0, slack=1e-4).half_widths(initial, t_s)
+            return tuple(min(share, 1.0) * width for width in exact)
+
+    claim = Discrepancy(
+        ("position", "rate"), None, 2.0, "shrinking", Rigor.SAMPLED, "none", Shrinking()
+    )
+    outcome = _examine(claim, _CENTRE)
+    witness = outcome.witness
+    assert outcome.verdict is ExaminationVerdict.REFUTED
+    assert witness is not None
+    gap = np.abs(np.array(witness.second) - np.array(witness.first)) / np.array(_SET.radius)
+    assert gap.max() < 0.6
+    assert {each.group: each.whole_run for each in outcome.coverage}["closer pairs"] < 0.5
+    alone = _examine(claim, dataclasses.replace(_CENTRE, closer=False))
+    assert alone.verdict is ExaminationVerdict.CONSISTENT
+
+
+def test_a_lie_at_the_very_start_is_found() -> None:
+    outcome = _examine(_claim(0.99, 0, 0.0), _CENTRE)
+    assert outcome.witness is not None
+    assert outcome.witness.time_s == 0.0
+    assert outcome.witness.replay(_linear()) == pytest.approx(0.2)

@@ -13,43 +13,46 @@ from hypothesis import strategies as st
 
 from workbench.models.system import system_from_casadi
 from workbench.sensitivity import LearnedExponential, learn_discrepancy
-from workbench.sensitivity.learned import fit_exponentials
+from workbench.sensitivity.learning.log_lines import fit_log_lines, hats
 from workbench.sets.box import Box
 
 Array = npt.NDArray[np.float64]
-_FREE = np.array([False])
+
+
+def _line(times: Array, values: list[float]) -> Array:
+    """Heights at the instants of the fitted line."""
+    logs = np.array(values)[:, None]
+    lines = fit_log_lines(times, logs, nodes=times[[0, -1]])
+    return np.asarray(hats(times, times[[0, -1]]) @ lines.heights[:, 0])
 
 
 def test_two_points_give_the_line_through_them() -> None:
-    times = np.array([0.0, 1.0, 2.0])
-    offset, rate = fit_exponentials(times, np.array([[-np.inf], [1.0], [3.0]]), at_least_one=_FREE)
-    assert rate[0] == pytest.approx(2.0, abs=1e-4)
-    assert offset[0] == pytest.approx(-1.0, abs=1e-4)
+    line = _line(np.array([0.0, 1.0, 2.0]), [-math.inf, 1.0, 3.0])
+    assert line == pytest.approx([-1.0, 1.0, 3.0], abs=1e-4)
 
 
 def test_a_peak_in_the_middle_is_touched_with_the_flattest_line() -> None:
-    times = np.linspace(0.0, 4.0, 5)
-    logs = np.array([[-np.inf], [0.0], [2.0], [2.5], [0.0]])
-    offset, rate = fit_exponentials(times, logs, at_least_one=_FREE)
+    line = _line(np.linspace(0.0, 4.0, 5), [-math.inf, 0.0, 2.0, 2.5, 0.0])
     # The mean instant is 2.5, between the peaks at 2 and 3, so their line is the optimum.
-    assert rate[0] == pytest.approx(0.5, abs=1e-4)
-    assert offset[0] == pytest.approx(1.0, abs=1e-4)
+    assert line == pytest.approx([1.0, 1.5, 2.0, 2.5, 3.0], abs=1e-4)
 
 
-def test_a_coordinate_with_width_starts_at_factor_one_even_if_samples_shrink() -> None:
-    times = np.array([0.0, 1.0, 2.0])
-    logs = np.array([[-5.0], [-1.0], [-2.0]])
-    offset, rate = fit_exponentials(times, logs, at_least_one=np.array([True]))
-    assert offset[0] == pytest.approx(0.0, abs=1e-4)
-    assert rate[0] == pytest.approx(-1.0, abs=1e-4)
+def test_a_known_first_point_holds_even_if_samples_shrink() -> None:
+    line = _line(np.array([0.0, 1.0, 2.0]), [0.0, -1.0, -2.0])
+    assert line == pytest.approx([0.0, -1.0, -2.0], abs=1e-4)
 
 
-def test_no_constraint_means_no_envelope() -> None:
-    offset, rate = fit_exponentials(
-        np.array([0.0, 1.0]), np.full((2, 1), -np.inf), at_least_one=_FREE
-    )
-    assert offset[0] == -np.inf
-    assert rate[0] == 0.0
+def test_a_bend_is_followed_at_its_node() -> None:
+    times = np.linspace(0.0, 4.0, 9)
+    values = np.minimum(times, 4.0 - times)[:, None]
+    lines = fit_log_lines(times, values, nodes=np.array([0.0, 2.0, 4.0]))
+    assert lines.heights[:, 0] == pytest.approx([0.0, 2.0, 0.0], abs=1e-4)
+
+
+def test_many_points_on_one_line_are_carried_by_two() -> None:
+    times = np.linspace(0.0, 4.0, 9)
+    lines = fit_log_lines(times, (0.5 * times - 1.0)[:, None], nodes=times[[0, -1]])
+    assert 1 <= int(lines.carried.sum()) <= 2
 
 
 def _best_value(times: Array, points: Array, at: float) -> float:
@@ -66,12 +69,23 @@ def _best_value(times: Array, points: Array, at: float) -> float:
 @given(st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=8))
 def test_objective_is_the_upper_hull_at_the_mean_instant(values: list[float]) -> None:
     times = np.linspace(0.0, 0.5 * len(values), len(values) + 1)
-    logs = np.array([-np.inf, *values])[:, None]
-    offset, rate = fit_exponentials(times, logs, at_least_one=_FREE)
-    line = offset[0] + rate[0] * times
+    line = _line(times, [-math.inf, *values])
     assert np.all(line[1:] >= np.array(values))
     best = _best_value(times[1:], np.array(values), float(times[1:].mean()))
     assert float(line[1:].mean()) == pytest.approx(best, abs=1e-4)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.floats(-3.0, 3.0), min_size=4, max_size=8), st.integers(1, 3))
+def test_the_points_that_carry_a_line_alone_give_it(values: list[float], pieces: int) -> None:
+    times = np.linspace(0.0, 1.0, len(values))
+    nodes = np.linspace(0.0, 1.0, pieces + 1)
+    logs = np.array(values)[:, None]
+    lines = fit_log_lines(times, logs, nodes=nodes)
+    assert 1 <= int(lines.carried.sum()) <= pieces + 1
+    # Elsewhere far below: the cost still counts every instant.
+    alone = fit_log_lines(times, np.where(lines.carried, logs, -50.0), nodes=nodes)
+    assert alone.heights == pytest.approx(lines.heights, abs=1e-3)
 
 
 def test_a_linear_system_is_learned_exactly() -> None:

@@ -1,4 +1,4 @@
-"""The learned bound states an (epsilon, delta) that the binomial tail supports, and keeps it."""
+"""Learned bounds state an (epsilon, delta) that the binomial tail supports, and keep it."""
 
 from __future__ import annotations
 

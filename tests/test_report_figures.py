@@ -234,3 +234,12 @@ def test_nobody_and_nothing_proved_can_be_drawn() -> None:
     bare = Frame(0.0, 0.0, 0.0, 0.0, 2.3, 0.5, 0.6, 0.0, Verdict.INVALID, "BRAKE", "NaN", None)
     assert "y (m)" in texts(plane_figure(bare).panels[0])
     assert "time (s)" in texts(verdict_timeline([bare]).panels[0])
+
+
+def test_what_is_reached_for_certain_is_drawn_but_no_bound_to_compare() -> None:
+    sampled = growth("sampled", np.stack([TIMES], axis=1), Origin.SAMPLES)
+    reached = growth("reached", np.stack([TIMES], axis=1), Origin.REACHED)
+    tight = growth("tight", np.stack([1.1 * TIMES], axis=1))
+    curves = [sampled, reached, tight]
+    assert [row[0] for row in comparison_table(curves, names=["x"]).rows] == ["tight"]
+    assert len(growth_figure(curves, names=["x"], units=["m"]).legend) == 3

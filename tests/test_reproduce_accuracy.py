@@ -127,6 +127,7 @@ def test_what_a_proof_does_not_reach_is_not_contained() -> None:
     assert (early.steps.value, early.proof_ended) == (1.0, 0)
     assert late.steps.value < 0.75
     assert late.proof_ended == late.all_windows
+    assert (early.area_rows, late.area_rows) == (1.0, 0.5)
 
 
 def test_a_decision_at_another_speed_or_outside_of_its_set_is_left_out() -> None:

@@ -9,18 +9,38 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workbench.bench.paper_times import PaperTimes, TimeRow, paper_times, processor_name
+from workbench.bench.paper_times import (
+    PaperTimes,
+    TimedKernels,
+    TimeRow,
+    paper_times,
+    processor_name,
+)
 from workbench.cli import reproduce_work
 from workbench.cli.main import main
 from workbench.cli.reproduce import BEGIN, END, INTENT, RESULTS
-from workbench.cli.reproduce_tables import accuracy_csv, accuracy_tables, markdown, time_table
-from workbench.cli.reproduce_work import FITTED, PLAIN, Found, timed_starts
+from workbench.cli.reproduce_tables import (
+    accuracy_csv,
+    accuracy_tables,
+    markdown,
+    time_table,
+    times_csv,
+)
+from workbench.cli.reproduce_work import FITTED, LEARNED, PLAIN, Found, timed_starts
+from workbench.codegen.bundle import bundle_files
 from workbench.models.vehicle import load_vehicle
 from workbench.runtime import Bundle
 from workbench.simulation.paper.accuracy import HORIZONS_S, accuracy_rows
+from workbench.simulation.paper.learned import learned_spec
 from workbench.simulation.paper.panels import panel
 from workbench.simulation.paper.replayed import ReplayedRun, replay
-from workbench.simulation.paper.tubes import KernelTubes, certain, paper_bundle, paper_spec
+from workbench.simulation.paper.tubes import (
+    KernelTubes,
+    certain,
+    loaded,
+    paper_bundle,
+    paper_spec,
+)
 from workbench.simulation.rig import Rig, Trial
 from workbench.simulation.scenarios.shipped import named
 from workbench.simulation.simulated import build_rig, simulated_path
@@ -47,17 +67,24 @@ def run(rig: Rig) -> ReplayedRun:
 
 
 @pytest.fixture(scope="module")
-def tubes(bundle: Bundle) -> tuple[KernelTubes, KernelTubes]:
+def learned_files() -> dict[str, bytes]:
+    return bundle_files(learned_spec(VEHICLE, horizon_s=5.0, pairs=200))
+
+
+@pytest.fixture(scope="module")
+def tubes(bundle: Bundle, learned_files: dict[str, bytes]) -> tuple[KernelTubes, ...]:
     return (
         KernelTubes(bundle, VEHICLE, unsure=False, title=PLAIN),
         KernelTubes(bundle, VEHICLE, unsure=True, title=FITTED),
+        KernelTubes(loaded(learned_files), VEHICLE, unsure=False, title=LEARNED),
     )
 
 
 @pytest.fixture(scope="module")
-def found(rig: Rig, run: ReplayedRun, tubes: tuple[KernelTubes, KernelTubes]) -> Found:
+def found(rig: Rig, run: ReplayedRun, tubes: tuple[KernelTubes, ...]) -> Found:
     times = PaperTimes(
-        (TimeRow("tubes", HORIZONS_S, (0.1, 0.2, 0.2, 0.2, 0.2), (0.3,) * 5, 4, 0),), "a processor"
+        (TimeRow("tubes", HORIZONS_S, (0.1, 0.2, 0.2, 0.2, 0.2), (0.3,) * 5, 4, (0, 0, 0, 0, 2)),),
+        "a processor",
     )
     drawn = panel(
         rig, Trial(named("paper_alongside_vehicle"), "bicycle", 1000), tubes[1], horizon_s=3.0
@@ -65,12 +92,12 @@ def found(rig: Rig, run: ReplayedRun, tubes: tuple[KernelTubes, KernelTubes]) ->
     short = dataclasses.replace(run, asked=run.asked[30::20])
     return Found(
         times, accuracy_rows([short], tubes), (drawn,) * 4, (short,), (1000,), ("alongside",),
-        ("bicycle",),
+        ("bicycle",), "a hundred pairs",
     )  # fmt: skip
 
 
 def test_the_same_run_gives_the_same_table_twice(
-    rig: Rig, found: Found, tubes: tuple[KernelTubes, KernelTubes]
+    rig: Rig, found: Found, tubes: tuple[KernelTubes, ...]
 ) -> None:
     again = replay(rig, TRIAL)
     short = dataclasses.replace(again, asked=again.asked[30::20])
@@ -80,12 +107,12 @@ def test_the_same_run_gives_the_same_table_twice(
 
 
 def test_n_and_w_widen_the_tubes_and_smaller_sets_have_tubes_within(
-    run: ReplayedRun, tubes: tuple[KernelTubes, KernelTubes]
+    run: ReplayedRun, tubes: tuple[KernelTubes, ...]
 ) -> None:
     """But for a centimetre, by which coarse steps bound looser than the fine ones that a wide set
     may need."""
     asked = run.asked[-1]
-    plain, unsure = (each.rows(run.path, asked, 0) for each in tubes)
+    plain, unsure = (each.rows(run.path, asked, 0) for each in tubes[:2])
     inner = tubes[1].rows(run.path, asked, 2)
     for smaller in (plain, inner):
         rows = min(len(smaller.lower), len(unsure.lower))
@@ -98,14 +125,16 @@ def test_n_and_w_widen_the_tubes_and_smaller_sets_have_tubes_within(
 
 
 def test_three_sets_take_longer_the_farther_they_reach(
-    bundle: Bundle, run: ReplayedRun, tubes: tuple[KernelTubes, KernelTubes]
-) -> None:
-    starts = timed_starts((run,), tubes[1], count=3)
+    bundle: Bundle, run: ReplayedRun, tubes: tuple[KernelTubes, ...],
+    learned_files: dict[str, bytes],
+) -> None:  # fmt: skip
+    starts, spec = timed_starts((run,), tubes[1], count=3), paper_spec(VEHICLE, 5.0)
     times = paper_times(
-        paper_spec(VEHICLE, 5.0), starts, horizons_s=(2.0, 3.0),
+        TimedKernels(spec, bundle_files(spec), learned_files), starts, horizons_s=(2.0, 3.0),
         certain=certain(bundle, VEHICLE), validated=0,
     )  # fmt: skip
-    alone, unsure, decisions = times.rows
+    alone, unsure, decisions, learned = times.rows
+    assert learned.incomplete == (0, 0)
     assert alone.growth > 1.2
     assert unsure.growth > 1.2
     assert all(np.isfinite(row.median_s).all() for row in times.rows)
@@ -132,6 +161,7 @@ def test_the_exit_status_says_whether_enough_is_contained(
     assert text.endswith(f"{END}\nafter\n")
     assert "stale figures" not in text
     assert "a processor" not in text
+    assert str(tmp_path) not in text
     assert "a processor" in (out / "report.html").read_text()
     assert {path.name for path in (tmp_path / "pictures").iterdir()} == {RESULTS, INTENT}
 
@@ -140,9 +170,27 @@ def test_tables_hold_ours_and_the_papers_numbers(found: Found) -> None:
     times = markdown(time_table(found.times))
     assert "| tubes, median | 100 | 200 | 200 | 200 | 200 | 2 |" in times
     assert "| the paper | 96 |" in times
+    assert "| tubes, left out of 4 because a tube ended early | 0 | 0 | 0 | 0 | 2 | – |" in times
+    assert times_csv(found.times).splitlines()[-1].endswith(",4,2")
     steps = markdown(accuracy_tables(found, starts="at speed")[0])
     assert "| the paper | learned beta | Low | 95.83 |" in steps
-    assert steps.count(FITTED) == 3
+    assert "of the rows" not in steps
+    assert steps.count(FITTED) == steps.count(LEARNED) == 3
+
+
+def test_an_area_says_of_how_many_rows_it_is(found: Found) -> None:
+    """Rounded down, so that what ended early never looks complete."""
+    (row, *others) = found.accuracy
+    cells = [
+        None if each is None else dataclasses.replace(each, area_rows=share)
+        for each, share in zip(row.cells, (1.0, 0.99996, 0.5, 1.0, 1.0), strict=True)
+    ]
+    changed = dataclasses.replace(row, cells=tuple(cells))
+    short = dataclasses.replace(found, accuracy=(changed, *others))
+    line = markdown(accuracy_tables(short, starts="at speed")[2]).splitlines()[4].split("|")
+    assert "rows" not in line[4]
+    assert line[5].endswith("(of 99.9 % of the rows) ")
+    assert line[6].endswith("(of 50.0 % of the rows) ")
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-LONG = ("changed_goals",)
-"""These take minutes; test_changed_goals.py has a small version."""
+LONG = ("changed_goals", "planted_lies")
+"""These take minutes; test_changed_goals.py and test_planted_lies.py have small versions."""
 STUDIES = [
     pytest.param(name, marks=pytest.mark.campaign) if name in LONG else name
     for name in sorted(

@@ -20,7 +20,7 @@ import numpy as np
 from workbench.bench.decision_cost import timed_calls
 from workbench.bench.decision_kernel import DecisionKernel
 from workbench.bench.decision_scenes import Scene
-from workbench.codegen.bundle import MonitorSpec, bundle_files
+from workbench.codegen.bundle import MonitorSpec
 from workbench.codegen.decision_source import SUBSTEPS
 from workbench.codegen.native_calls import exported_size, load_function
 from workbench.errors import InputError
@@ -35,6 +35,7 @@ from workbench.simulation.measures import percentile
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 PLAIN: Final = "TRACK tubes, compiled kernel, the paper's model"
 UNSURE: Final = "TRACK tubes, compiled kernel, with N and W"
+LEARNED: Final = "TRACK tubes, compiled, the paper's method: learned beta (SAMPLED)"
 _MODES: Final = (1.0, 0.0, 1.0)
 """tracking, braking, integrating: TRACK, see `models.stopping`."""
 _SHARES: Final = (0.0, 1.0, 1.0, 0.0)
@@ -62,8 +63,9 @@ class TimedStart:
 class TimeRow:
     """Three nested sets, one after the other, for each T: median and 99 % quantile, s.
 
-    what: computed how; calls: times that this was done for each T; incomplete: of them with a proof
-    that ended before T, which are left out.
+    what: computed how; calls: times that this was done for each T; incomplete: by T, how many of
+    them had a tube that ended before T; these are left out, so that times at two T may be of other
+    starts.
     """
 
     what: str
@@ -71,12 +73,23 @@ class TimeRow:
     median_s: tuple[float, ...]
     p99_s: tuple[float, ...]
     calls: int
-    incomplete: int
+    incomplete: tuple[int, ...]
 
     @property
     def growth(self) -> float:
         """Median at the longest T over that at the shortest."""
         return self.median_s[-1] / self.median_s[0]
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class TimedKernels:
+    """What is timed. files: of a bundle of `spec`; learned: of one whose TRACK is by a learned beta
+    and all else of the same spec, None where there is none."""
+
+    spec: MonitorSpec
+    files: Mapping[str, bytes]
+    learned: Mapping[str, bytes] | None
 
 
 @final
@@ -89,7 +102,7 @@ class PaperTimes:
 
 
 def paper_times(
-    spec: MonitorSpec,
+    kernels: TimedKernels,
     starts: Sequence[TimedStart],
     *,
     horizons_s: Sequence[float],
@@ -101,37 +114,39 @@ def paper_times(
     (0: not at all).
 
     certain: a query's fields of disturbances without N and W, as the
-    paper's model has none; `advance` after each T of each row. InputError without a start or
-    a C compiler.
+    paper's model has none; `advance` after each T of each row. InputError without a start.
     """
     if not starts:
         raise InputError("expected at least one start to time tubes from, got none; drive longer")
-    files, horizons = bundle_files(spec), tuple(horizons_s)
+    spec, files, horizons = kernels.spec, kernels.files, tuple(horizons_s)
     with one_core():
         rows = [
             _tubes_alone(_Library(files, spec, certain, PLAIN), starts, horizons, advance),
             _tubes_alone(_Library(files, spec, {}, UNSURE), starts, horizons, advance),
             _decisions(files, spec, starts, horizons, advance),
         ]
+        if kernels.learned is not None:
+            library = _Library(kernels.learned, spec, certain, LEARNED, entry="wb_learned_tube")
+            rows.append(_tubes_alone(library, starts, horizons, advance))
         if validated:
             rows.append(_validated(spec.vehicle, starts[:validated], horizons, advance))
     return PaperTimes(tuple(rows), processor_name())
 
 
 class _Library:
-    """`wb_tube` of the bundle's own library, on a road that goes on bending as where the car is.
+    """A tube alone by the bundle's own library, on a road that goes on bending as where the car is.
 
     disturbances: fields of a query that replace the bundle's own.
     """
 
     def __init__(
         self, files: Mapping[str, bytes], spec: MonitorSpec,
-        disturbances: Mapping[str, Sequence[float]], what: str,
+        disturbances: Mapping[str, Sequence[float]], what: str, *, entry: str = "wb_tube",
     ) -> None:  # fmt: skip
         self.what, self._spec = what, spec
         manifest = manifest_from_json(files[MANIFEST_FILE].decode())
         library, n = files[LIBRARY_FILE], len(manifest.states)
-        self._entry = load_function(library, "wb_tube")
+        self._entry = load_function(library, entry)
         # The capacity in steps is that of a decision's rows, each cut into substeps.
         self._result = np.zeros(2 + 2 * n * (2 * SUBSTEPS * spec.steps + 1))
         self._work = np.zeros(exported_size(library, "wb_work_size"))
@@ -145,7 +160,7 @@ class _Library:
         self._curvature = _curvature_at(spec)
 
     def query(self, start: TimedStart, box: Box, horizon_s: float) -> Array:
-        """The input vector of `wb_tube`; see `codegen/c/online.c`."""
+        """The input vector of `wb_tube`, and of `wb_learned_tube`; see `codegen/c/online.c`."""
         values = list(self._nominal)
         values[self._names.index("reference_speed")] = start.reference_speed_mps
         ends: list[float] = []
@@ -187,16 +202,16 @@ def _row(
     what: str, starts: Sequence[TimedStart], horizons_s: tuple[float, ...],
     timed: Callable[[TimedStart, float], float | None], advance: Callable[[], None],
 ) -> TimeRow:  # fmt: skip
-    medians, tails, incomplete = [], [], 0
+    medians, tails, incomplete = [], [], []
     for horizon_s in horizons_s:
         timed(starts[0], horizon_s)  # once for the caches, not counted
         found = [timed(start, horizon_s) for start in starts]
         complete = [seconds for seconds in found if seconds is not None]
-        incomplete += len(found) - len(complete)
+        incomplete.append(len(found) - len(complete))
         medians.append(statistics.median(complete) if complete else float("nan"))
         tails.append(percentile(complete, 0.99) if complete else float("nan"))
         advance()
-    return TimeRow(what, horizons_s, tuple(medians), tuple(tails), len(starts), incomplete)
+    return TimeRow(what, horizons_s, tuple(medians), tuple(tails), len(starts), tuple(incomplete))
 
 
 def _decisions(
@@ -209,7 +224,7 @@ def _decisions(
         spec.sizes, files[SOURCE_FILE].decode(), files[LIBRARY_FILE], manifest.query,
         manifest.result,
     )  # fmt: skip
-    medians, tails, incomplete = [], [], 0
+    medians, tails, incomplete = [], [], []
     for horizon_s in horizons_s:
         scenes = [
             Scene("nested set", {**query, "horizon_s": (horizon_s,)})
@@ -219,14 +234,14 @@ def _decisions(
         found = timed_calls(kernel, scenes)
         each_s = found.first_us.reshape(len(starts), -1).sum(axis=1) / 1e6
         complete = (found.verdicts == 0.0).all(axis=1).reshape(len(starts), -1).all(axis=1)
-        incomplete += int((~complete).sum())
+        incomplete.append(int((~complete).sum()))
         kept = each_s[complete].tolist()
         medians.append(statistics.median(kept) if kept else float("nan"))
         tails.append(percentile(kept, 0.99) if kept else float("nan"))
         advance()
     return TimeRow(
         "whole decisions, compiled kernel, with N and W", horizons_s, tuple(medians), tuple(tails),
-        len(starts), incomplete,
+        len(starts), tuple(incomplete),
     )  # fmt: skip
 
 
@@ -255,7 +270,7 @@ def _validated(
     unknown = (math.nan,) * (len(horizons_s) - 1)
     return dataclasses.replace(
         found, horizons_s=horizons_s, median_s=found.median_s + unknown,
-        p99_s=found.p99_s + unknown,
+        p99_s=found.p99_s + unknown, incomplete=found.incomplete + (0,) * len(unknown),
     )  # fmt: skip
 
 

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import final
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,19 +13,11 @@ from workbench.cli.output import Progress
 from workbench.errors import InputError
 from workbench.models.system import Ode, System
 from workbench.reach import Partitioned, ReachTube, ValidatedTube, compute_tube
-from workbench.report.curves import Growth, SampledRuns, TubeCurves
-from workbench.report.figures import comparison_table, growth_figure
-from workbench.report.page import Paragraph, Section
+from workbench.report.curves import SampledRuns, TubeCurves
 from workbench.sensitivity import (
     Discrepancy,
-    GrowthMatrix,
-    Inputs,
-    Norm,
     ProvedEnvelope,
-    WeightedNorm,
-    derive_discrepancy,
 )
-from workbench.sensitivity.discrepancy import DerivationMethod
 from workbench.sensitivity.sampling import parameter_states, rollout, sample_initial_states
 from workbench.sets import Box
 
@@ -193,40 +182,6 @@ def tube_curves(tube: ReachTube, ode: Ode) -> TubeCurves:
     )
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class Derived:
-    """What one method proved, or why it could not, and its time."""
-
-    method: str
-    bound: Discrepancy | None
-    refusal: str
-    cost_s: float
-
-
-def derived(subject: Subject, region: Box, *, horizon_s: float, cells: int) -> list[Derived]:
-    """Every proved discrepancy there is, over `region`, with a progress bar."""
-    methods: dict[str, DerivationMethod] = {
-        "norm-max": WeightedNorm(Norm.MAX, None, cells, Inputs.SHARED),
-        "norm-sum": WeightedNorm(Norm.SUM, None, cells, Inputs.SHARED),
-        "growth-matrix": GrowthMatrix(cells, Inputs.SHARED),
-    }
-    found = []
-    with Progress("bounds", len(methods)) as progress:
-        for name, method in methods.items():
-            started_s = time.perf_counter()
-            bound, refusal = None, ""
-            try:
-                bound = derive_discrepancy(
-                    subject.system, region=region, horizon_s=horizon_s, method=method
-                )
-            except InputError as error:
-                refusal = str(error)
-            found.append(Derived(name, bound, refusal, time.perf_counter() - started_s))
-            progress.advance()
-    return found
-
-
 def radii(bound: Discrepancy, subject: Subject, times_s: Array) -> Array:
     """The bound's half widths (M, n) from the radius of the initial set."""
     start = subject.initial_set.reordered(bound.names).radius
@@ -239,16 +194,3 @@ def envelope_of(subject: Subject, tube: ReachTube, times_s: Array) -> ProvedEnve
     by_time = dict(zip(times_s.tolist(), rows, strict=True))
     condition = "one of the two runs starts in the middle of the initial set"
     return ProvedEnvelope("validated tube", by_time.__getitem__, tube.rigor, condition)
-
-
-def growth_section(curves: Sequence[Growth], ode: Ode) -> Section:
-    """The curves in pictures and side by side."""
-    units = [state.unit for state in ode.states]
-    return Section(
-        "Growth over time",
-        [
-            Paragraph("Bounds on the distance from the run that starts in the middle of the set."),
-            growth_figure(curves, names=ode.names, units=units),
-            comparison_table(curves, names=ode.names),
-        ],
-    )

@@ -6,7 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from workbench.claims import Rigor
 from workbench.cli.analysis_options import check_steps, count, positive
+from workbench.cli.build_learned import add_learned_options, chosen_learned
 from workbench.cli.common import (
     MONITOR_STEP_S,
     RELEASE_STEPS,
@@ -33,6 +35,7 @@ workbench build --out out/bundle
 workbench build --vehicle my_shuttle.toml --horizon 3 --step 0.025 --out out/bundle
 workbench build --deciding FailSafe --deciding-level "two thirds" --out out/bundle
 workbench build --step 0.05 --kernel enclosed --form quadratic --out out/bundle
+workbench build --step 0.05 --learned --regions 2 --out out/learned
 workbench build --vehicle my_shuttle.toml --path route.csv --clearance 0.2 --horizon 2
 """
 
@@ -57,6 +60,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "prove much, see docs/decision-benchmarks.md",
     )
     _add_method_options(parser)
+    add_learned_options(parser)
     parser.add_argument(
         "--deciding-level",
         default="whole",
@@ -203,13 +207,15 @@ def run(args: argparse.Namespace) -> int:
     from workbench.reach.online.kernels import Form, Method
     from workbench.runtime import load_bundle
 
+    vehicle = chosen_vehicle(args)
     spec = MonitorSpec(
-        chosen_vehicle(args), args.horizon, args.step, deciding=chosen_deciding(args),
+        vehicle, args.horizon, args.step, deciding=chosen_deciding(args),
         deciding_level=args.deciding_level, budget=args.budget or BUDGET,
         method=Method(args.kernel, Form(args.form)),
         path=None if args.path is None else path_from_csv(args.path),
         monitor=_monitor_settings(args),
         sensors=None if args.sensors is None else _text(args.sensors),
+        learned=chosen_learned(args, vehicle, horizon_s=args.horizon, step_s=args.step),
     )  # fmt: skip
     if args.key is not None:
         read_private_key(args.key)
@@ -256,4 +262,6 @@ def _drives(manifest: Manifest) -> dict[str, bool]:
 
 def _driving_text(manifest: Manifest) -> str:
     missing = [name for name, there in _drives(manifest).items() if not there]
+    if manifest.rigor is Rigor.SAMPLED:
+        return "not for gating or driving, its tubes are SAMPLED"
     return f"not for driving, it lacks {', '.join(missing)}" if missing else "for driving"

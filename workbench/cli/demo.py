@@ -182,7 +182,10 @@ def _examined(
             step_s=_STEP_S,
             goals_per_coordinate=2,
             rounds=10,
+            starts=1,
+            second_order_rounds=0,
             any_centre=False,
+            closer=False,
             stays_in_region=tube.rigor,
         ),
     )

@@ -10,15 +10,18 @@ from typing import Any, Final
 from workbench.claims import Rigor
 from workbench.cli.analysis_options import Subject
 from workbench.cli.common import write_text
+from workbench.cli.learn_sources import COMPILED, MODEL, Source
+from workbench.cli.learned_growth import form_of, growth_fields, read_growth
 from workbench.cli.output import plain
 from workbench.errors import InputError
 from workbench.sensitivity import Discrepancy
-from workbench.sensitivity.learned import ExponentialEnvelope
+from workbench.sensitivity.learning.statement import Argument, Statement
 from workbench.sensitivity.sampling import step_count
-from workbench.sensitivity.scenario import ScenarioStatement
 from workbench.sensitivity.witness import Witness
+from workbench.sets import Box
 
-_LEARNED: Final = "learned discrepancy 1"
+_LEARNED: Final = "learned discrepancy 2"
+_FORMER: Final = "learned discrepancy 1"
 _WITNESS: Final = "witness 1"
 _MADE_BY: Final = {
     _LEARNED: "a learned bound, written by `workbench learn --save FILE`",
@@ -26,52 +29,71 @@ _MADE_BY: Final = {
 }
 
 
-def save_learned(target: Path, bound: Discrepancy, subject: Subject) -> None:
-    """Write a learned bound; `load_learned` reads it back without loss."""
-    growth = bound.growth
-    assert isinstance(growth, ExponentialEnvelope)
+def save_learned(
+    target: Path,
+    bound: Discrepancy,
+    subject: Subject | None = None,
+    *,
+    source: Source | None = None,
+) -> None:
+    """Write a learned bound with whose runs it was learned from; `load_learned` reads it back
+    without loss. subject: the model, where it was learned from the model's runs; else source."""
     document = {
         "format": _LEARNED,
-        "loop": _loop(subject),
+        "source": MODEL if source is None else source.kind,
+        "loop": _identity(subject, source),
+        "states": bound.names,
+        "region": None if bound.region is None else _intervals(bound.region),
         "horizon_s": bound.horizon_s,
         "norm": bound.norm,
         "condition": bound.condition,
-        "scale": growth.scale,
-        "amplitude": growth.amplitude,
-        "rate_per_s": growth.rate_per_s,
-        "statement": growth.evidence,
+        "form": form_of(bound.growth),
+        **growth_fields(bound.growth),
+        "statements": bound.statements,
     }
     write_text(target, json.dumps(plain(document), indent=2, allow_nan=False) + "\n")
 
 
-def load_learned(path: Path, subject: Subject) -> Discrepancy:
-    """Read a learned bound. Raises InputError on another format, loop or initial set."""
+def load_learned(
+    path: Path, subject: Subject | None = None, *, source: Source | None = None
+) -> Discrepancy:
+    """Read a learned bound of this model, or of this source.
+
+    Raises InputError on another format, source, loop or initial set.
+    """
     document = _document(path, _LEARNED)
-    _require_same_loop(path, document, subject)
-    names = subject.system.ode.names
+    _require_same_runs(path, document, subject, source)
     try:
-        columns = [tuple(map(float, document[key])) for key in ("scale", "amplitude", "rate_per_s")]
-        numbers = [float(document["horizon_s"]), *(x for column in columns for x in column)]
-        if any(len(column) != len(names) for column in columns):
-            raise ValueError(f"expected {len(names)} numbers per list, one per state")
-        if not all(map(math.isfinite, numbers)):
-            raise ValueError("expected finite numbers")
-        if min(numbers[0], *columns[0], *columns[1]) < 0.0:
-            raise ValueError("expected no negative horizon, scale or amplitude")
-        scale, amplitude, rate = columns
+        names = tuple(map(str, document["states"]))
+        horizon_s = float(document["horizon_s"])
+        if not (math.isfinite(horizon_s) and horizon_s > 0.0):
+            raise ValueError("expected a finite horizon_s > 0")
+        stored = document["region"]
+        region = None if stored is None else {name: _interval(stored[name]) for name in names}
         return Discrepancy(
             names=names,
-            region=subject.initial_set.reordered(names),
-            horizon_s=numbers[0],
+            region=None if region is None else Box.from_intervals(region),
+            horizon_s=horizon_s,
             norm=str(document["norm"]),
             rigor=Rigor.SAMPLED,
             condition=str(document["condition"]),
-            growth=ExponentialEnvelope(
-                scale, amplitude, rate, ScenarioStatement(**document["statement"])
-            ),
+            growth=read_growth(document, len(names)),
+            statements=tuple(map(_statement, document["statements"])),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise _spoilt(path, error) from None
+
+
+def _interval(ends: list[Any]) -> tuple[float, float]:
+    low, high = map(float, ends)
+    return low, high
+
+
+def _statement(fields: dict[str, Any]) -> Statement:
+    numbers = {key: float(fields[key]) for key in ("epsilon", "epsilon_at_an_instant", "delta")}
+    if not all(0.0 <= value <= 1.0 for value in numbers.values()):
+        raise ValueError("expected probabilities between 0 and 1 in every statement")
+    return Statement(**{**fields, **numbers, "argument": Argument[fields["argument"]]})
 
 
 def save_witness(target: Path, witness: Witness | None, subject: Subject, *, verdict: str) -> None:
@@ -79,7 +101,7 @@ def save_witness(target: Path, witness: Witness | None, subject: Subject, *, ver
     document = {
         "format": _WITNESS,
         "verdict": verdict,
-        "loop": _loop(subject),
+        "loop": loop_of(subject),
         "witness": witness,
     }
     write_text(target, json.dumps(plain(document), indent=2, allow_nan=False) + "\n")
@@ -88,7 +110,7 @@ def save_witness(target: Path, witness: Witness | None, subject: Subject, *, ver
 def load_witness(path: Path, subject: Subject) -> Witness:
     """Read a witness. Raises InputError on another format or loop, and where there is none."""
     document = _document(path, _WITNESS)
-    _require_same_loop(path, document, subject)
+    _require_same_loop(path, document, loop_of(subject), subject.name)
     if document.get("witness") is None:
         raise InputError(
             f"{path}: expected a witness, and the examination found none "
@@ -114,7 +136,7 @@ def load_witness(path: Path, subject: Subject) -> Witness:
         raise _spoilt(path, error) from None
 
 
-def _loop(subject: Subject) -> dict[str, Any]:
+def loop_of(subject: Subject) -> dict[str, Any]:
     """What makes the loop: its form, and the range of every number in it."""
     ode, box = subject.system.ode, subject.initial_set
     ranged = (*ode.parameters, *ode.disturbances)
@@ -122,13 +144,39 @@ def _loop(subject: Subject) -> dict[str, Any]:
         "form": ode.name,
         "states": list(ode.names),
         "ranges": {each.name: [each.lower, each.upper] for each in ranged},
-        "initial_set": {name: list(box.interval(name)) for name in box.names},
+        "initial_set": _intervals(box),
     }
 
 
-def _require_same_loop(path: Path, document: dict[str, Any], subject: Subject) -> None:
-    stored, own = document.get("loop"), _loop(subject)
-    for part, expected in own.items():
+def _identity(subject: Subject | None, source: Source | None) -> dict[str, Any]:
+    if source is not None:
+        return dict(source.identity)
+    assert subject is not None
+    return loop_of(subject)
+
+
+def _require_same_runs(
+    path: Path, document: dict[str, Any], subject: Subject | None, source: Source | None
+) -> None:
+    """A bound of one simulator says nothing about another."""
+    wanted = MODEL if source is None else source.kind
+    found = document.get("source")
+    # Both march the same equation.
+    of_model = (MODEL, COMPILED)
+    if found != wanted and not (found in of_model and wanted in of_model):
+        raise InputError(
+            f"{path}: expected a bound learned from {wanted}, got one learned from {found}; pass "
+            f"--from {found} as then, or learn again"
+        )
+    title = source.title if source is not None else subject.name if subject is not None else ""
+    _require_same_loop(path, document, _identity(subject, source), title)
+
+
+def _require_same_loop(
+    path: Path, document: dict[str, Any], own: dict[str, Any], title: str
+) -> None:
+    stored = document.get("loop")
+    for part, expected in json.loads(json.dumps(own)).items():
         found = stored.get(part) if isinstance(stored, dict) else None
         if found == expected:
             continue
@@ -139,10 +187,14 @@ def _require_same_loop(path: Path, document: dict[str, Any], subject: Subject) -
             )
             found, expected = found.get(where), expected.get(where)
         raise InputError(
-            f"{path}: expected a file made with the loop of {subject.name}, got another "
+            f"{path}: expected a file made with the loop of {title}, got another "
             f"({where}: {expected} here, {found} in the file); pass the same --vehicle, --system "
             "and --curvature as then, or make the file again"
         )
+
+
+def _intervals(box: Box) -> dict[str, list[float]]:
+    return {name: list(box.interval(name)) for name in box.names}
 
 
 def _document(path: Path, kind: str) -> dict[str, Any]:
@@ -156,6 +208,11 @@ def _document(path: Path, kind: str) -> dict[str, Any]:
         raise InputError(
             f"{path}: expected {_MADE_BY[kind]}, but it is not JSON ({error}); make it again"
         ) from None
+    if kind == _LEARNED and isinstance(document, dict) and document.get("format") == _FORMER:
+        raise InputError(
+            f"{path}: expected {_MADE_BY[kind]}, got one of an earlier version of workbench; "
+            "learn it again"
+        )
     if not isinstance(document, dict) or document.get("format") != kind:
         raise InputError(
             f'{path}: expected {_MADE_BY[kind]}, got JSON without "format": "{kind}"; '

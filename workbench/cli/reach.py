@@ -23,6 +23,7 @@ from workbench.cli.analysis_options import (
 )
 from workbench.cli.common import chosen_vehicle, write_text
 from workbench.cli.output import emit, warn
+from workbench.cli.reach_learned import add_learned_option, run_learned
 from workbench.cli.reach_sampled import run_sampled
 from workbench.cli.reach_switch import add_switch_options, chosen_switch
 from workbench.cli.sampling_options import add_sampling_options, check_sampling
@@ -42,6 +43,7 @@ EXAMPLE = """\
 workbench reach
 workbench reach --curvature -0.01 0.01 --parts offset=2,speed=2 --csv out/tube.csv
 workbench reach --system b1 --step 0.025 --plot out/tube.html
+workbench reach --system b1 --learned out/learned.json --plot out/paper-tube.html
 workbench reach --switch-at 0.1 0.3 --step 0.05 --plot out/switch.html
 workbench reach --sampled --rate 30 --actuation-delay 0.05 0.05 --plot out/sampled.html
 """
@@ -64,6 +66,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="STATE=N,...",
         help="split the initial set into N parts along each state named, and take the hull",
     )
+    add_learned_option(parser)
     add_switch_options(parser)
     add_sampling_options(parser)
     add_file_option(parser, "--csv", text="write the whole tube as a table")
@@ -79,6 +82,8 @@ def run(args: argparse.Namespace) -> int:
     writable_file(args.plot, "--plot")
     subject = _subject(args)
     parts = _parts(args.parts, subject)
+    if args.learned:
+        return run_learned(args, subject, parts)
     if args.sampled:
         return run_sampled(args, subject, parts)
     switch = chosen_switch(args, subject)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 from workbench import __version__
@@ -21,15 +22,17 @@ _TABLE_1: Final = (
     "Times are of the machine named here; what "
     "compares is the growth with T.",
     "Ours bound every state at every time, rounding included, under every error and disturbance "
-    "that they are given; the paper's bound was learned from simulations. A proof that ends before "
-    "T takes less time, and is left out.",
+    "that they are given; the paper's bound was learned from simulations, and so is that of the "
+    "row by its method, which is compiled like the others. A tube that ends before T takes less "
+    "time, and is left out; where some are, a line says how many at each T, and the times at two T "
+    "are not of the same starts.",
 )
 _TABLE_2: Final = (
     "The paper replayed simulated drives and counted, at each step, whether the reach set held the "
     "car. So does this: a tube of TRACK for every decision, from the set that the monitor had "
     "measured, and the car's true position (middle of its rear axle) at every turn of the monitor, "
     "32.5 ms apart, as long as TRACK is what was sent. After a BRAKE nothing is compared; steps "
-    "before it count, the trajectory then does not count as a whole one. Where a proof ends before "
+    "before it count, the trajectory then does not count as a whole one. Where a tube ends before "
     "T, later steps count as not contained.",
     "High, medium and low confidence are the whole measured set and two thirds and one third of "
     "its radii. The whole set is made to hold the car, the smaller ones are not: the last column "
@@ -38,12 +41,16 @@ _TABLE_2: Final = (
     "set leave the others out.",
     "The first method has the paper's model, a bicycle under its controller that reads its state "
     "without error: what it misses is the honest lower figure. The second has N and W of the "
-    "vehicle file. The paper's own way to a bound, a discrepancy learned from simulations, is no "
-    "part of this table.",
+    "vehicle file. The third is the paper's own: the measured set is cut into regions, the same "
+    "model simulated once from the middle of each, and every simulation bloated by a bound that "
+    "was learned before from pairs of runs of the model. It is SAMPLED: nothing is proved, least "
+    "of all of a car that is not the model. What it contains it owes to its width; compare the "
+    "areas.",
     "Windows overlap and those of one drive are alike. The first interval (Clopper and Pearson) "
     "counts each run as one trial, however many windows it has; the second draws runs anew and "
     "has no width where all runs agree. Containment says nothing without the area: a tube over the "
-    "whole street contains everything.",
+    "whole street contains everything. An area with a share of rows behind it is of tubes that "
+    "ended early, without their last and widest rows: a tube to T would be wider.",
 )
 
 
@@ -66,8 +73,8 @@ def paper_page(found: Found, *, command: str, require: float) -> Page:
     )
     table_1: list[Block] = [time_table(found.times), *map(Paragraph, _TABLE_1)]
     calls = "; ".join(
-        f"{row.what}: {row.calls} times three sets per T, {row.incomplete} in all left out because "
-        "a proof ended before T"
+        f"{row.what}: {row.calls} times three sets per T, {sum(row.incomplete)} in all left out "
+        "because a tube ended before T"
         for row in found.times.rows
     )
     table_1.append(Notice("Machine.", f"{found.times.processor}, one core. {calls}."))
@@ -95,6 +102,7 @@ def paper_page(found: Found, *, command: str, require: float) -> Page:
 def _settings(found: Found) -> Block:
     from workbench.report.tables import Table
     from workbench.simulation.paper.accuracy import AT_SPEED_MPS
+    from workbench.simulation.paper.learned import REGIONS
     from workbench.simulation.paper.replayed import TURN_S
     from workbench.simulation.paper.tubes import BUDGET, STEP_S
 
@@ -110,5 +118,7 @@ def _settings(found: Found) -> Block:
         ("between compared instants (s)", f"{TURN_S:g}"),
         ("at speed (m/s)", f"{AT_SPEED_MPS:g} and more at the decision"),
         ("steps of integration per decision, at most", str(BUDGET)),
+        ("regions of each set, learned beta", str(math.prod(REGIONS.values()))),
+        ("what the learned beta rests on", found.learned),
     ]
     return Table("how it was made", ("what", "value"), rows)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
@@ -27,6 +28,9 @@ def time_table(times: PaperTimes) -> Table:
     for row in times.rows:
         rows.append([f"{row.what}, median", *(_MS * t for t in row.median_s), row.growth])
         rows.append([f"{row.what}, 99 %", *(_MS * t for t in row.p99_s), None])
+        if any(row.incomplete):
+            left_out = f"{row.what}, left out of {row.calls} because a tube ended early"
+            rows.append([left_out, *row.incomplete, None])
     paper = [_MS * t for t in PUBLISHED_S]
     rows.append([PAPER, *paper, paper[-1] / paper[0]])
     horizons = times.rows[0].horizons_s
@@ -80,10 +84,17 @@ def _shown(cell: object, kind: int) -> Cell:
     if kind == _steps:
         return f"{100.0 * cell.steps.value:.2f}"
     if kind == _area:
-        return f"{cell.mean_area_m2:.2f}"
+        return f"{cell.mean_area_m2:.2f}{_missing(cell.area_rows)}"
     if cell.windows is None:
         return None
     return f"{_percent(cell.windows)} drawn [{_ends(cell.windows_drawn)}]"
+
+
+def _missing(area_rows: float) -> str:
+    """How much of the tubes a mean is of, where it is not all of them."""
+    # Rounded down: what is not all must not look like it.
+    share = math.floor(1000.0 * area_rows) / 10.0
+    return "" if area_rows == 1.0 else f" (of {share:.1f} % of the rows)"
 
 
 def _percent(share: Share) -> str:
@@ -110,7 +121,7 @@ def count_table(found: Found, *, starts: str) -> Table:
                              f"{100.0 * cell.begins:.1f}"])  # fmt: skip
     return Table(
         f"what was counted, decisions {starts}",
-        ["plant", "tubes", "confidence", "T (s)", "runs", "windows", "cut short", "proof ended",
+        ["plant", "tubes", "confidence", "T (s)", "runs", "windows", "cut short", "ended early",
          "steps", "sets that hold the car (%)"],
         rows, folded=True,
     )  # fmt: skip
@@ -120,9 +131,10 @@ def times_csv(times: PaperTimes) -> str:
     """One line per row and T, every digit."""
     lines = [["what", "horizon_s", "median_s", "p99_s", "calls", "incomplete"]]
     for row in times.rows:
-        for t, median, tail in zip(row.horizons_s, row.median_s, row.p99_s, strict=True):
-            numbers = (t, median, tail, row.calls, row.incomplete)
-            lines.append([row.what, *map(repr, numbers)])
+        for t, median, tail, incomplete in zip(
+            row.horizons_s, row.median_s, row.p99_s, row.incomplete, strict=True
+        ):
+            lines.append([row.what, *map(repr, (t, median, tail, row.calls, incomplete))])
     return _csv(lines)
 
 
@@ -134,7 +146,7 @@ def accuracy_csv(found: Found) -> str:
              "steps_low", "steps_high", "steps_drawn_low", "steps_drawn_high", "windows_inside",
              "windows_whole", "windows_low", "windows_high", "windows_drawn_low",
              "windows_drawn_high", "windows", "cut_short", "proof_ended", "sets_hold_car",
-             "mean_area_m2"]  # fmt: skip
+             "mean_area_m2", "area_rows"]  # fmt: skip
     lines = [heads]
     for row in found.accuracy:
         for t, cell in zip(HORIZONS_S, row.cells, strict=True):
@@ -145,7 +157,7 @@ def accuracy_csv(found: Found) -> str:
                 t, cell.runs, steps.inside, steps.of, steps.low, steps.high, *cell.steps_drawn,
                 *((whole.inside, whole.of, whole.low, whole.high) if whole else ("", "", "", "")),
                 *cell.windows_drawn, cell.all_windows, cell.censored, cell.proof_ended, cell.begins,
-                cell.mean_area_m2,
+                cell.mean_area_m2, cell.area_rows,
             )  # fmt: skip
             shown = [each if isinstance(each, str) else repr(each) for each in numbers]
             lines.append([row.plant, row.method, CONFIDENCES[row.confidence], row.starts, *shown])

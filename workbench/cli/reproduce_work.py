@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, final
@@ -11,9 +12,8 @@ from workbench.cli.output import Progress
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
-    from workbench.bench.paper_times import PaperTimes, TimedStart
+    from workbench.bench.paper_times import PaperTimes, TimedKernels, TimedStart
     from workbench.models.vehicle import Vehicle
-    from workbench.runtime import Bundle
     from workbench.simulation.paper.accuracy import AccuracyRow
     from workbench.simulation.paper.panels import Panel
     from workbench.simulation.paper.replayed import ReplayedRun
@@ -26,6 +26,7 @@ SCENARIOS: Final = ("nobody_s_bend", "paper_alongside_simulation", "paper_alongs
 PLANTS: Final = ("single-track", "multi-body")
 PLAIN: Final = "the paper's model: bicycle and controller alone"
 FITTED: Final = "with N and W of the vehicle file"
+LEARNED: Final = "the paper's method: learned beta, regions simulated (SAMPLED)"
 _PANEL_HORIZON_S: Final = 3.0
 _STARTS, _STARTS_QUICK = 60, 6
 _VALIDATED, _VALIDATED_QUICK = 1, 0
@@ -35,7 +36,7 @@ _QUICK_S: Final = 13.0
 @final
 @dataclass(frozen=True, slots=True)
 class Found:
-    """All that was measured."""
+    """All that was measured. learned: what the learned beta rests on, in words."""
 
     times: PaperTimes
     accuracy: tuple[AccuracyRow, ...]
@@ -44,6 +45,7 @@ class Found:
     seeds: tuple[int, ...]
     scenarios: tuple[str, ...]
     plants: tuple[str, ...]
+    learned: str
 
     @property
     def least(self) -> float:
@@ -63,33 +65,56 @@ def measured(args: argparse.Namespace) -> Found:
     """Build, drive, compare, time. Raises InputError without a C compiler, and without the extra
     `commonroad` where its plant is asked for."""
     from workbench.models.vehicle import load_vehicle
-    from workbench.simulation.paper.accuracy import CONFIDENCES, HORIZONS_S, accuracy_rows
-    from workbench.simulation.paper.tubes import KernelTubes, paper_bundle
+    from workbench.simulation.paper.accuracy import CONFIDENCES, accuracy_rows
+    from workbench.simulation.paper.tubes import KernelTubes, certain, loaded
     from workbench.simulation.simulated import build_rig, simulated_path
 
     seeds = tuple(range(FIRST_SEED, FIRST_SEED + (1 if args.quick else args.seeds)))
     trials = _trials(args, seeds)
     file: Path = args.vehicle or simulated_path()
     vehicle = load_vehicle(file)
-    with Progress("building the kernels", 2) as bar:
+    with Progress("building the kernels", 3) as bar:
         rig = build_rig(vehicle=vehicle)
         bar.advance()
-        bundle = paper_bundle(vehicle, horizon_s=max(HORIZONS_S))
-        bar.advance()
+        kernels = _kernels(args, vehicle, bar)
+    bundle = loaded(kernels.files)
     methods = tuple(
         KernelTubes(bundle, vehicle, unsure=unsure, title=title)
         for unsure, title in ((False, PLAIN), (True, FITTED))
     )
+    assert kernels.learned is not None, "made in _kernels"
+    learned = loaded(kernels.learned)
+    methods += (KernelTubes(learned, vehicle, unsure=False, title=LEARNED),)
     runs = _replays(rig, trials)
     with Progress("tubes against drives", len(runs) * len(methods) * len(CONFIDENCES)) as bar:
         accuracy = accuracy_rows(runs, methods, advance=bar.advance)
     panels = _panels(args, rig, methods[1], seeds[0])
-    times = _times(args, vehicle, bundle, runs, methods[1])
+    times = _times(args, kernels, certain(bundle, vehicle), runs, methods[1])
+    statement = next(
+        each.evidence for each in learned.manifest.assumptions if each.name == "learned bound"
+    )
     return Found(
         times, accuracy, panels, runs, seeds,
         tuple(dict.fromkeys(trial.scenario.name for trial in trials)),
-        tuple(dict.fromkeys(trial.plant for trial in trials)),
+        tuple(dict.fromkeys(trial.plant for trial in trials)), statement,
     )  # fmt: skip
+
+
+def _kernels(args: argparse.Namespace, vehicle: Vehicle, bar: Progress) -> TimedKernels:
+    """With TRACK as it is proved, and as the paper's method has it."""
+    from workbench.bench.paper_times import TimedKernels
+    from workbench.codegen.bundle import bundle_files
+    from workbench.simulation.paper.accuracy import HORIZONS_S
+    from workbench.simulation.paper.learned import PAIRS, PAIRS_QUICK, learned_spec
+    from workbench.simulation.paper.tubes import paper_spec
+
+    spec = paper_spec(vehicle, max(HORIZONS_S))
+    files = bundle_files(spec)
+    bar.advance()
+    pairs = PAIRS_QUICK if args.quick else PAIRS
+    learned = bundle_files(learned_spec(vehicle, horizon_s=max(HORIZONS_S), pairs=pairs))
+    bar.advance()
+    return TimedKernels(spec, files, learned)
 
 
 def _trials(args: argparse.Namespace, seeds: tuple[int, ...]) -> tuple[Trial, ...]:
@@ -142,22 +167,19 @@ def _panels(args: argparse.Namespace, rig: Rig, tubes: KernelTubes, seed: int) -
 
 
 def _times(
-    args: argparse.Namespace, vehicle: Vehicle, bundle: Bundle, runs: tuple[ReplayedRun, ...],
-    tubes: KernelTubes,
+    args: argparse.Namespace, kernels: TimedKernels, sure: Mapping[str, Sequence[float]],
+    runs: tuple[ReplayedRun, ...], tubes: KernelTubes,
 ) -> PaperTimes:  # fmt: skip
     from workbench.bench.paper_times import paper_times
     from workbench.simulation.paper.accuracy import HORIZONS_S
-    from workbench.simulation.paper.tubes import certain, paper_spec
 
     starts = timed_starts(runs, tubes, count=_STARTS_QUICK if args.quick else _STARTS)
     validated = _VALIDATED_QUICK if args.quick else _VALIDATED
-    units = 3 * len(HORIZONS_S) + bool(validated)
+    units = 4 * len(HORIZONS_S) + bool(validated)
     with Progress("time of three nested sets", units) as bar:
         return paper_times(
-            paper_spec(vehicle, bundle.manifest.horizon_s), starts,
-            horizons_s=HORIZONS_S,
-            certain=certain(bundle, vehicle),
-            validated=validated, advance=bar.advance,
+            kernels, starts, horizons_s=HORIZONS_S, certain=sure, validated=validated,
+            advance=bar.advance,
         )  # fmt: skip
 
 

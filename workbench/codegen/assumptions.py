@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from workbench.claims import Assumption
 from workbench.models.vehicle_sections import Uncertainty
+from workbench.reach.learned.tube import LearnedTube
 from workbench.runtime.onboard.drive_by_wire import DriveByWire
 
 if TYPE_CHECKING:
@@ -73,7 +74,17 @@ def assumptions(spec: MonitorSpec) -> tuple[Assumption, ...]:
     driven = (
         () if wire is None else (_measured_actuation() if measured else _actuation(wire.value),)
     )
-    return (_initial_set(spec), *_ALWAYS, unsure, *driven, rounding)
+    learned = () if spec.learned is None else (_learned(spec.learned),)
+    return (_initial_set(spec), *_ALWAYS, unsure, *driven, rounding, *learned)
+
+
+def _learned(method: LearnedTube) -> Assumption:
+    return Assumption(
+        "learned bound",
+        "TRACK's tube: no trajectory leaves the learned bound about its region's simulation at any "
+        "time; what the bundle says of errors, disturbances and rounding is of the other tubes",
+        f"none but sampled runs: {method.learned.condition}",
+    )
 
 
 def _actuation(wire: DriveByWire) -> Assumption:

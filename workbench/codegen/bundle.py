@@ -21,6 +21,7 @@ from workbench.models.bicycle import PathFrame
 from workbench.models.system import Ode
 from workbench.models.vehicle import Vehicle
 from workbench.models.vehicle_sections import Uncertainty
+from workbench.reach.learned.tube import LearnedTube
 from workbench.reach.online.kernels import LOCAL_LINEAR, Method
 from workbench.reach.ranged_parameters import with_ranged_parameters_as_disturbances
 from workbench.runtime.contents import NestedLevel
@@ -73,8 +74,9 @@ class MonitorSpec:
     as shares of the observation's radii, the largest (1) first; deciding_level: the name of the one
     whose SAFE permits TRACK, the others advise. deciding: whose TRACK counts. budget: most steps of
     integration tried in one decision; what is not done by then is not proved. method: kernel and
-    form that compute the tubes. path, monitor, sensors (the text of a TOML file, see
-    `onboard.sensors_file`): what the vehicle's monitor needs besides a vehicle with
+    form that compute the tubes. learned: computes TRACK's in their place, on the same grid; such a
+    bundle is SAMPLED, and no monitor drives or gates with it. path, monitor, sensors (the text of a
+    TOML file, see `onboard.sensors_file`): what the vehicle's monitor needs besides a vehicle with
     [drive_by_wire]; None for a bundle that does not drive.
     """
 
@@ -89,6 +91,7 @@ class MonitorSpec:
     path: PathTable | None = None
     monitor: MonitorSettings | None = None
     sensors: str | None = None
+    learned: LearnedTube | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "deciding", Deciding.named(self.deciding))
@@ -116,11 +119,21 @@ class MonitorSpec:
             )
         if not 1 <= self.budget <= MOST_BUDGET:
             raise InputError(f"expected a budget of 1 to {MOST_BUDGET} steps, got {self.budget!r}")
+        if self.learned is not None and self.learned.step_s != self.step_s:
+            raise InputError(
+                f"expected a learned tube in steps of {self.step_s} s, as the others, got "
+                f"{self.learned.step_s} s"
+            )
 
     @property
     def steps(self) -> int:
         """Number of tube segments."""
         return round(self.horizon_s / self.step_s)
+
+    @property
+    def tubes(self) -> str:
+        """What computes them, in words."""
+        return str(self.method) if self.learned is None else f"TRACK learned, others {self.method}"
 
     @property
     def sizes(self) -> DecisionSizes:
@@ -154,7 +167,9 @@ def bundle_files(spec: MonitorSpec) -> dict[str, bytes]:
     """The files of a bundle, name -> content."""
     ode = _track_loop(spec.vehicle)
     region = operating_region(spec.vehicle)
-    source = decision_source(ode, spec.vehicle.brake.mode(), region, spec.sizes)
+    source = decision_source(
+        ode, spec.vehicle.brake.mode(), region, spec.sizes, learned=spec.learned
+    )
     compiled = compile_shared(source)
     manifest = _manifest(spec, ode, compiled)
     if spec.sensors is not None:
@@ -237,8 +252,8 @@ def _manifest(spec: MonitorSpec, ode: Ode, compiled: Compiled) -> Manifest:
         guard_speed_max_mps=guard.speed_max_mps,
         guard_accel_max_mps2=guard.accel_max_mps2,
         budget=spec.budget,
-        tubes=str(spec.method),
-        rigor=Rigor.ENCLOSED,
+        tubes=spec.tubes,
+        rigor=Rigor.ENCLOSED if spec.learned is None else Rigor.SAMPLED,
         assumptions=assumptions(spec),
         golden=golden,
         drive_by_wire=None if wire is None else wire.value,

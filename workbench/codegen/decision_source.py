@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.codegen.c_source import c_text
 from workbench.codegen.decision_header import decision_header
+from workbench.codegen.learned_source import learned_tables, simulation_step
 from workbench.codegen.online_source import OnlineSizes, online_source
 from workbench.codegen.separation_source import separation_text
 from workbench.controllers import VehicleBrake
@@ -27,6 +28,7 @@ from workbench.models.stopping import (
     stopping_loop,
 )
 from workbench.models.system import Ode
+from workbench.reach.learned.tube import LearnedTube
 from workbench.reach.occupancy import occupancy_function
 from workbench.reach.online.budget import Ranges
 from workbench.reach.online.functions import OnlineFunctions
@@ -124,19 +126,31 @@ def kernel_functions(
     return method.functions(loop, ranges)
 
 
-def decision_source(track: Ode, brake: VehicleBrake, region: Box, sizes: DecisionSizes) -> str:
-    """Complete C text of `wb_decide` (and `wb_tube`) for a TRACK loop in path coordinates."""
+def decision_source(
+    track: Ode, brake: VehicleBrake, region: Box, sizes: DecisionSizes, *,
+    learned: LearnedTube | None = None,
+) -> str:  # fmt: skip
+    """Complete C text of `wb_decide` (and `wb_tube`) for a TRACK loop in path coordinates.
+
+    learned: computes TRACK's tube in place of `sizes.method`; `wb_learned_tube` is it alone.
+    """
     loop = decision_loop(track, region)
     macros = _macros(loop, sizes)
     query, result = decision_layout(track, brake, sizes)
     functions = kernel_functions(loop, region, step_s=sizes.step_s, method=sizes.method)
     online = OnlineSizes(sizes.steps * SUBSTEPS, sizes.step_s)
-    ground = [occupancy_function(), *separation_functions()]
+    extra = [occupancy_function(), *separation_functions()]
+    texts = ["path.c", "drive.c", "decide.c"]
+    tables = ""
+    if learned is not None:
+        extra.append(simulation_step(track))
+        tables = learned_tables(learned, horizon_s=sizes.steps * sizes.step_s)
+        macros["TUBES"] = max(MOST_TUBES, learned.count)
+        texts.append("learned_decide.c")
     return "\n".join([
-        online_source(functions, region.reordered(loop.names), online, extra=ground),
+        online_source(functions, region.reordered(loop.names), online, extra=extra),
         *[f"#define WB_{name} {value}" for name, value in macros.items()],
-        decision_header(query, result), separation_text(),
-        *map(c_text, ("path.c", "drive.c", "decide.c")),
+        decision_header(query, result), separation_text(), tables, *map(c_text, texts),
     ])  # fmt: skip
 
 

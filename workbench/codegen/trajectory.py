@@ -25,7 +25,7 @@ class CompiledTrajectory:
     def __init__(self, system: System, *, steps: int, flags: tuple[str, ...] = FLAGS) -> None:
         ode = system.ode
         h = ca.SX.sym("h")
-        end = _rk4(ode.function(), ode.x, h, [ode.p, ode.w])
+        end = rk4_step(ode.function(), ode.x, h, [ode.p, ode.w])
         step = ca.Function("rk4_step", [ode.x, ode.p, ode.w, h], ca.cse([end]))
         self.source = "\n".join([
             function_text([step]), work_macro([step]), "#include <string.h>",
@@ -56,7 +56,7 @@ class CompiledTrajectory:
         return call
 
 
-def _rk4(field: ca.Function, x: ca.SX, h: ca.SX, others: list[ca.SX]) -> ca.SX:
+def rk4_step(field: ca.Function, x: ca.SX, h: ca.SX, others: list[ca.SX]) -> ca.SX:
     """One classical Runge-Kutta step of length h (s) of x' = field(x, *others)."""
     k1 = field(x, *others)
     k2 = field(x + h / 2 * k1, *others)

@@ -205,8 +205,9 @@ def margins(loop: control.StateSpace) -> Margins:
 class QuickStudy:
     """What a first look at one vehicle's gains shows, on a straight path at reference speed.
 
-    poles: of the linearised loop without the station. steering_margins, speed_margins: of the loops
-    broken at the steering rate and at the acceleration command. warnings: full sentences.
+    poles: of the linearised loop without the station and without integrals that no gain reads.
+    steering_margins, speed_margins: of the loops broken at the steering rate and at the
+    acceleration command. warnings: full sentences.
     """
 
     vehicle: str
@@ -222,7 +223,12 @@ def quick_study(vehicle: Vehicle) -> QuickStudy:
     """Poles, margins and warnings for one vehicle's gains; linearised, rigor NUMERICAL."""
     speed = vehicle.operation.reference_speed_mps
     loop = vehicle.closed_loop(vehicle.track(), PathFrame(0.0, 0.0))
-    linear = linearise(loop, {"speed": speed}, cyclic=("station",))
+    unread = ["station"]
+    if vehicle.steering_pid.integral_radps_per_ms == 0.0:
+        unread.append("offset_integral")
+    if vehicle.speed_pid.integral_per_s2 == 0.0:
+        unread.append("speed_integral")
+    linear = linearise(loop, {"speed": speed}, cyclic=tuple(unread))
     poles = linear.poles()
     verdict = stability(poles)
     steering = margins(linear.loop_transfer(command="steering_rate_command", actuated="steering"))

@@ -11,6 +11,7 @@ from workbench.reach.findings.encounter import Encounter
 from workbench.reach.findings.finding import Finding, FindingEffort, Outcome, explain_separation
 from workbench.reach.inner.extremes import SearchEffort
 from workbench.reach.inner.hull import InnerHull, inner_hull, proved_ratio
+from workbench.reach.learned.tube import LearnedTube
 from workbench.reach.local import (
     LocalBlocks,
     LocalEffort,
@@ -42,6 +43,7 @@ __all__ = [
     "FrameTube",
     "InnerHull",
     "KinkRecord",
+    "LearnedTube",
     "LocalBlocks",
     "LocalEffort",
     "LocalEuclidean",

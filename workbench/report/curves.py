@@ -78,6 +78,7 @@ class Origin(enum.Enum):
     SAMPLES = "largest deviation among sampled trajectories"
     LEARNED = "learned"
     PROVED = "proved"
+    REACHED = "reached for certain"
 
 
 @final

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
+from workbench.claims import Rigor
 from workbench.report.curves import (
     Growth,
     Origin,
@@ -44,6 +45,7 @@ _WIDE_SPREAD = 15.0
 _PROVED_COLOURS = (BLUE, GREEN, SKY, PURPLE)
 _DASHES = {"-": "", "--": "7 3", ":": "2 3", "-.": "8 3 2 3"}
 _PROVED_DASHES = ("-", "-.", "--", ":")
+_SAMPLED_DASHES = (":", "--")
 
 
 def tube_figure(tube: TubeCurves, samples: SampledRuns | None = None) -> Figure:
@@ -62,15 +64,24 @@ def tube_figure(tube: TubeCurves, samples: SampledRuns | None = None) -> Figure:
         )
         for column, name in enumerate(tube.names)
     )
+    sampled = tube.rigor is Rigor.SAMPLED
     legend = [
-        Key("bound for every time of the step", SKY, filled=True),
-        Key("bound at the instants", BLUE),
+        Key(
+            "between two instants" if sampled else "bound for every time of the step",
+            SKY,
+            filled=True,
+        ),
+        Key("at the instants" if sampled else "bound at the instants", BLUE),
     ]
     if samples is not None:
         legend.append(Key("sampled trajectories", INK))
+    claim = (
+        "Trajectories that start in the initial set may leave the shaded band"
+        if sampled
+        else "Every trajectory that starts in the initial set stays in the shaded band"
+    )
     caption = (
-        "Every trajectory that starts in the initial set stays in the shaded band; this holds with "
-        f"rigor {tube.rigor.name} ({MEANING[tube.rigor]}). Where the band "
+        f"{claim}: rigor {tube.rigor.name} ({MEANING[tube.rigor]}). Where the band "
         "would be too thin to see, the picture shows the deviation from the tube's centre instead."
     )
     return Figure(panels, tuple(legend), caption, _tube_table(tube))
@@ -163,15 +174,20 @@ def growth_figure(
 
 
 def _styles(growths: Sequence[Growth]) -> list[tuple[str, str]]:
-    styles, proved = [], 0
+    styles: list[tuple[str, str]] = []
+    proved, sampled = 0, 0
     for growth in growths:
         if growth.origin is Origin.SAMPLES:
-            styles.append((INK, ":"))
+            styles.append((INK, _SAMPLED_DASHES[sampled % len(_SAMPLED_DASHES)]))
+            sampled += 1
+        elif growth.origin is Origin.REACHED:
+            styles.append((INK, "-."))
         elif growth.origin is Origin.LEARNED:
             styles.append((VERMILLION, "--"))
         else:
-            index = proved % len(_PROVED_COLOURS)
-            styles.append((_PROVED_COLOURS[index], _PROVED_DASHES[index]))
+            turn, index = divmod(proved, len(_PROVED_COLOURS))
+            dashes = _PROVED_DASHES[(index + turn) % len(_PROVED_DASHES)]
+            styles.append((_PROVED_COLOURS[index], dashes))
             proved += 1
     return styles
 
@@ -234,7 +250,7 @@ def comparison_table(growths: Sequence[Growth], *, names: Sequence[str]) -> Tabl
     headings += [f"{name} ratio (1)" for name in names] + ["detail"]
     rows: list[list[Cell]] = []
     for growth in growths:
-        if growth.origin is Origin.SAMPLES:
+        if growth.origin in (Origin.SAMPLES, Origin.REACHED):
             continue
         escape = first_escape_s(growth, sampled[0]) if sampled else None
         ratios = mean_ratio(growth, sampled[0]) if sampled else np.full(len(names), np.nan)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import final
+from typing import Protocol, final
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from workbench.sensitivity.sampling import (
     Flow,
     ordered_box,
     parameter_states,
-    rollout,
     step_count,
     uniform_states,
 )
@@ -22,6 +21,21 @@ from workbench.sets.box import Box
 
 # Lengths of the projected steps, as shares of the box's half widths; inf: to the vertex.
 _STEPS = (np.inf, 1.0, 0.3, 0.05)
+
+
+class Runs(Protocol):
+    """What can be searched: runs from chosen initial states, and their slopes (a `Flow` has both).
+
+    parameters: a row per run that the two runs of a pair share.
+    """
+
+    def runs(self, initial_states: Array, parameters: Array) -> Array:
+        """States (N, K+1, n) from `initial_states` (N, n)."""
+
+    def slopes(
+        self, initial_states: Array, parameters: Array, coordinate: Index, instant: Index
+    ) -> Array:
+        """d state[coordinate] at the step `instant` / d initial state (N, n), row by row."""
 
 
 @final
@@ -37,17 +51,14 @@ class Pairs:
         """The chosen rows."""
         return Pairs(self.first[rows], self.second[rows], self.parameters[rows])
 
-    def differences(self, flow: Flow) -> Array:
+    def differences(self, flow: Runs) -> Array:
         """second minus first along the runs: (N, K+1, n)."""
         count = len(self.first)
-        runs = rollout(
-            flow.system,
+        runs = flow.runs(
             np.concatenate([self.first, self.second]),
-            horizon_s=flow.horizon_s,
-            step_s=flow.step_s,
-            parameters=np.concatenate([self.parameters, self.parameters]),
+            np.concatenate([self.parameters, self.parameters]),
         )
-        return runs[count:] - runs[:count]
+        return np.asarray(runs[count:] - runs[:count])
 
 
 def joined(parts: list[Pairs]) -> Pairs:
@@ -68,39 +79,76 @@ class Goals:
     instant: Index
     sign: Array
 
+    def take(self, rows: Index) -> Goals:
+        """The chosen rows."""
+        return Goals(self.coordinate[rows], self.instant[rows], self.sign[rows])
+
     def values(self, differences: Array) -> Array:
         """Values for differences (N, K+1, n); -inf where a run left the finite numbers."""
         rows = np.arange(len(self.sign))
         values = self.sign * differences[rows, self.instant, self.coordinate]
         return np.where(np.isfinite(values), values, -np.inf)
 
+    def gradients(self, flow: Runs, pairs: Pairs, *, move_first: bool) -> tuple[Array, Array]:
+        """d value / d first and d value / d second, (N, n) each; 0 where there is none.
+
+        The former is 0 as well where first may not move.
+        """
+        at_second = self._slopes(flow, pairs.second, pairs.parameters)
+        if not move_first:
+            return np.zeros_like(at_second), at_second
+        return -self._slopes(flow, pairs.first, pairs.parameters), at_second
+
+    def _slopes(self, flow: Runs, states: Array, parameters: Array) -> Array:
+        slopes = flow.slopes(states, parameters, self.coordinate, self.instant)
+        return self.sign[:, None] * np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Reached:
+    """The best pair found for each goal, and its value (N,)."""
+
+    pairs: Pairs
+    values: Array
+
+    def or_better(self, candidates: Pairs, values: Array) -> Reached:
+        """Row by row the better one."""
+        better = (values > self.values)[:, None]
+        return Reached(
+            Pairs(
+                np.where(better, candidates.first, self.pairs.first),
+                np.where(better, candidates.second, self.pairs.second),
+                np.where(better, candidates.parameters, self.pairs.parameters),
+            ),
+            np.maximum(values, self.values),
+        )
+
 
 def ascend(
-    flow: Flow, box: Box, *, goals: Goals, start: Pairs, rounds: int, move_first: bool
+    flow: Runs, box: Box, *, goals: Goals, start: Pairs, rounds: int, move_first: bool
 ) -> Pairs:
     """Projected gradient ascent of all goals at once, from `start`, one row per goal.
 
-    Each round tries, along the gradient of the Runge-Kutta map, the vertex that the gradient's
+    Each round tries, along the gradient of the runs, the vertex that the gradient's
     signs name and steps of several lengths, and keeps the best. `second` stays in `box` and within
     the box's half widths of `first`; `first` stays where it is unless `move_first`. Never returns
-    a worse pair.
+    a worse pair. A row that gained nothing in a round takes half as long steps from then on.
     """
-    best, values = start, goals.values(start.differences(flow))
+    best = Reached(start, goals.values(start.differences(flow)))
+    half_widths, pace = np.array(box.radius), np.ones((len(best.values), 1))
     for _ in range(rounds):
-        together, first, second = _gradients(flow, goals, best, np.array(box.radius))
-        base = best
+        base, before = best.pairs, best.values
+        at_first, at_second = (
+            half_widths * g for g in goals.gradients(flow, base, move_first=move_first)
+        )
+        together, first, second = _unit(at_first + at_second), _unit(at_first), _unit(at_second)
         leads = (None, together, first) if move_first else (None,)
         for slope, step in itertools.product(leads, _STEPS):
-            candidate = _moved(box, base, (slope, second), step)
-            reached = goals.values(candidate.differences(flow))
-            better = reached > values
-            best = Pairs(
-                np.where(better[:, None], candidate.first, best.first),
-                np.where(better[:, None], candidate.second, best.second),
-                best.parameters,
-            )
-            values = np.where(better, reached, values)
-    return best
+            candidate = _moved(box, base, (slope, second), step * pace)
+            best = best.or_better(candidate, goals.values(candidate.differences(flow)))
+        pace = np.where((best.values > before)[:, None], pace, 0.5 * pace)
+    return best.pairs
 
 
 def gradient_states(
@@ -134,31 +182,12 @@ def _chosen_instants(steps: int, every: int) -> Index:
     return np.unique(np.append(np.arange(every, steps + 1, every), steps))
 
 
-def _gradients(
-    flow: Flow, goals: Goals, pairs: Pairs, half_widths: Array
-) -> tuple[Array, Array, Array]:
-    """Gradients of the goals for moving both ends together, `first` alone and `second` alone.
-
-    In units of the half widths, each scaled so that its largest entry is 1.
-    """
-    count = len(pairs.first)
-    _, slopes = flow.with_sensitivity(
-        np.concatenate([pairs.first, pairs.second]),
-        np.concatenate([pairs.parameters, pairs.parameters]),
-    )
-    rows = np.arange(count)
-    scale = goals.sign[:, None] * half_widths
-    at_first = scale * np.nan_to_num(slopes[rows, goals.instant, goals.coordinate])
-    at_second = scale * np.nan_to_num(slopes[rows + count, goals.instant, goals.coordinate])
-    return _unit(at_second - at_first), _unit(-at_first), _unit(at_second)
-
-
 def _unit(gradients: Array) -> Array:
     largest = np.max(np.abs(gradients), axis=1, keepdims=True)
     return np.asarray(gradients / np.where(largest > 0.0, largest, 1.0))
 
 
-def _moved(box: Box, pairs: Pairs, slopes: tuple[Array | None, Array], step: float) -> Pairs:
+def _moved(box: Box, pairs: Pairs, slopes: tuple[Array | None, Array], step: Array) -> Pairs:
     """Steps along the slopes of first and second, projected; an infinite one goes to the vertex."""
     lower, upper, half = np.array(box.lower), np.array(box.upper), np.array(box.radius)
     shift = (pairs.second - pairs.first) / np.where(half > 0.0, half, 1.0)
@@ -169,6 +198,7 @@ def _moved(box: Box, pairs: Pairs, slopes: tuple[Array | None, Array], step: flo
     return Pairs(first, np.clip(first + shift * half, lower, upper), pairs.parameters)
 
 
-def _stride(slope: Array, step: float) -> Array:
+def _stride(slope: Array, step: Array) -> Array:
     # Two half widths reach any vertex from anywhere in the box.
-    return 2.0 * np.sign(slope) if np.isinf(step) else step * slope
+    vertex = np.isinf(step)
+    return np.where(vertex, 2.0 * np.sign(slope), np.where(vertex, 0.0, step) * slope)

@@ -12,6 +12,7 @@ from workbench.errors import InputError
 from workbench.models.system import System
 from workbench.sensitivity.inputs import Inputs
 from workbench.sensitivity.jacobian import Cells
+from workbench.sensitivity.learning.statement import Statement
 from workbench.sets.box import Box
 
 
@@ -42,7 +43,8 @@ class Discrepancy:
     names: the states, in order. region: where the claim holds (`condition` says for which
     trajectories); axes that it leaves out are unrestricted. horizon_s: the claim ends there. norm:
     in words and formula. rigor: as its method says. growth: the function behind `radius`. proof:
-    what can be re-checked; None for learned bounds.
+    what can be re-checked; None for learned bounds. statements: what the runs behind a learned
+    bound support; empty for proved ones.
     """
 
     names: tuple[str, ...]
@@ -53,6 +55,7 @@ class Discrepancy:
     condition: str
     growth: Growth
     proof: Proof | None = None
+    statements: tuple[Statement, ...] = ()
 
     def radius(
         self, initial_radius: Mapping[str, float] | Sequence[float], t_s: float

@@ -10,7 +10,7 @@ from typing import final
 from workbench.claims import Rigor
 from workbench.errors import InputError
 from workbench.sensitivity.vectorised import Array
-from workbench.sensitivity.witness import Witness
+from workbench.sensitivity.witness import AnyWitness
 
 
 class ExaminationVerdict(enum.Enum):
@@ -42,9 +42,11 @@ class Examiner:
     """How hard to try.
 
     samples: pairs per group; seed; step_s: spacing of the instants; goals_per_coordinate: instants
-    at which each coordinate's distance is driven up, the worst sampled ones first; rounds:
-    gradient steps. any_centre: examine the claim for every pair in the set no further apart than
-    its half widths; otherwise only for pairs with the centre (the tube about the nominal run).
+    at which each coordinate's distance is driven up, the tightest ones first; rounds: of gradient
+    steps; starts: different pairs from which second-order steps set out at each goal;
+    second_order_rounds: of these. any_centre: examine the claim for every pair in the set no
+    further apart than its half widths; otherwise only for pairs with the centre (the tube about
+    the nominal run). closer: hold pairs nearer than that to the bound of their own distances.
     stays_in_region: grade of what shows that runs from the set stay in the regions of the proved
     discrepancies, which are no stronger than it.
     """
@@ -54,14 +56,20 @@ class Examiner:
     step_s: float
     goals_per_coordinate: int
     rounds: int
+    starts: int
+    second_order_rounds: int
     any_centre: bool
+    closer: bool
     stays_in_region: Rigor
 
     def __post_init__(self) -> None:
-        if min(self.samples, self.goals_per_coordinate) < 1 or self.rounds < 0:
+        if min(self.samples, self.goals_per_coordinate, self.starts) < 1 or (
+            min(self.rounds, self.second_order_rounds) < 0
+        ):
             raise InputError(
-                "expected samples >= 1, goals_per_coordinate >= 1 and rounds >= 0, got "
-                f"{self.samples}, {self.goals_per_coordinate}, {self.rounds}"
+                "expected samples, goals_per_coordinate and starts >= 1, rounds and "
+                f"second_order_rounds >= 0, got {self.samples}, {self.goals_per_coordinate}, "
+                f"{self.starts}, {self.rounds}, {self.second_order_rounds}"
             )
 
 
@@ -86,7 +94,8 @@ class ProvedCurve:
     """A proved bound beside the learned one: half widths (K+1, n) at the examined instants.
 
     implies_learned: nowhere above the learned bound, and its claim covers the examined one.
-    worst_ratio: largest sampled distance / half width; above 1 the proof or its condition fails.
+    worst_ratio: largest distance reached / half width; above 1 the proof or its condition fails.
+    tightness (n,): mean of half width / distance reached; 1 is perfect, NaN where nothing moved.
     """
 
     name: str
@@ -95,6 +104,7 @@ class ProvedCurve:
     condition: str
     implies_learned: bool
     worst_ratio: float
+    tightness: Array
 
 
 @final
@@ -103,12 +113,12 @@ class Examination:
     """Outcome: verdict, witness (with REFUTED only), coverage, and growth curves for plotting.
 
     times (K+1,) in s; sampled, driven, learned (K+1, n) in the states' units: the largest distance
-    in the sampled groups, the largest with the gradient search as well (an inner bound), the
-    learned bound.
+    in the sampled groups, the largest with the search as well (reached, in floats), the
+    learned bound. tightness (n,): of the learned bound, as in `ProvedCurve`.
     """
 
     verdict: ExaminationVerdict
-    witness: Witness | None
+    witness: AnyWitness | None
     names: tuple[str, ...]
     times: Array
     sampled: Array
@@ -116,3 +126,4 @@ class Examination:
     learned: Array
     proved: tuple[ProvedCurve, ...]
     coverage: tuple[Coverage, ...]
+    tightness: Array

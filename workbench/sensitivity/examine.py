@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from workbench.claims import Rigor, weakest
 from workbench.errors import InputError
 from workbench.models.system import System
-from workbench.sensitivity.ascent import Goals, Pairs, ascend, joined
+from workbench.sensitivity.ascent import Pairs, joined
 from workbench.sensitivity.discrepancy import Discrepancy
 from workbench.sensitivity.examination import (
     Coverage,
@@ -19,18 +19,27 @@ from workbench.sensitivity.examination import (
     ProvedCurve,
     ProvedEnvelope,
 )
-from workbench.sensitivity.sampling import (
-    Flow,
-    face_states,
-    instants,
-    ordered_box,
-    parameter_states,
-    uniform_states,
-    vertex_states,
+from workbench.sensitivity.examine_pairs import (
+    CLOSER,
+    Trial,
+    closer_pairs,
+    own_distances,
+    trial_groups,
 )
+from workbench.sensitivity.examine_search import pressed, ratios
+from workbench.sensitivity.sampling import Flow, instants, ordered_box, parameter_states
 from workbench.sensitivity.vectorised import Array
-from workbench.sensitivity.witness import Witness, confirmed
+from workbench.sensitivity.witness import AnyWitness, confirmed
 from workbench.sets.box import Box
+
+Confirm = Callable[[Pairs, int, float], AnyWitness | None]
+
+# Instants per coordinate at which a pair is run again before the bound is let go.
+_TRIES = 5
+# Instants at which the bound is evaluated for every closer pair's own distances.
+_OWN_INSTANTS = 24
+# At t = 0 the two sides are the same number up to its last digit.
+_ROUNDING = 1e-12
 
 
 def cross_examine(
@@ -45,48 +54,85 @@ def cross_examine(
     """Try to refute `learned`, and put it beside sampled and proved growth.
 
     initial_set: box over all states; its half widths are the initial radius of the claim examined:
-    |e_i(t)| <= learned.radius(half widths, t)_i at the step instants. proved: bounds to compare
-    with. The search is by samples and gradients in floats: only REFUTED (replayed with a smaller
-    step and its error estimated) and IMPLIED_BY_PROOF (as good as the proof) are conclusions;
+    |e_i(t)| <= learned.radius(half widths, t)_i at the step instants; closer pairs are held to the
+    radius of their own distances. proved: bounds to compare with. The search is by samples,
+    gradients and curvature in floats: only REFUTED (run again with a smaller step, its error
+    estimated) and IMPLIED_BY_PROOF (from the half widths, as good as the proof) are conclusions;
     CONSISTENT is none. Raises InputError where names do not fit or the horizon is not a whole
     number of steps.
     """
-    box = ordered_box(system.ode, initial_set, "initial set")
-    if learned.names != system.ode.names:
-        raise InputError(f"expected a bound over {system.ode.names}, got one over {learned.names}")
-    times = instants(horizon_s, method.step_s)
+    ode = system.ode
+    box = ordered_box(ode, initial_set, "initial set")
+    if learned.names != ode.names:
+        raise InputError(f"expected a bound over {ode.names}, got one over {learned.names}")
     flow = Flow(system, horizon_s, method.step_s)
-    bound = np.array([learned.radius(box.radius, t) for t in times.tolist()])
-    groups = _groups(system, box, method)
-    differences = {name: np.abs(pairs.differences(flow)) for name, pairs in groups.items()}
-    coverage = tuple(_coverage(name, d, bound) for name, d in differences.items())
-    everything = joined(list(groups.values()))
-    distances = np.concatenate(list(differences.values()))
-    sampled = np.nanmax(distances, axis=0)
-    found = _driven(flow, box, pairs=everything, distances=distances, bound=bound, method=method)
-    found_distances = np.abs(found.differences(flow))
-    driven = np.fmax(sampled, np.nanmax(found_distances, axis=0))
-    pool = joined([everything, found])
-    pool_distances = np.concatenate([distances, found_distances])
-    ratios = _ratios(pool_distances, bound)
-    witness = _witness(flow, pool, ratios=ratios, times=times, claim=learned)
-    curves = tuple(
-        _curve(p, box, times, learned=bound, reached=driven, method=method) for p in proved
+    trial = Trial(
+        flow,
+        box,
+        instants(horizon_s, method.step_s),
+        lambda count, rng: parameter_states(ode.parameters, count, rng),
+        ode.parameters,
     )
+    return examined(
+        trial,
+        learned,
+        proved,
+        method,
+        confirm=lambda pair, i, t: confirmed(flow, pair, coordinate=i, time_s=t, claim=learned),
+    )
+
+
+def examined(
+    trial: Trial,
+    learned: Discrepancy,
+    proved: Sequence[Discrepancy | ProvedEnvelope],
+    method: Examiner,
+    *,
+    confirm: Confirm,
+) -> Examination:
+    """The examination of a prepared trial; confirm: runs a pair again, None if it fails."""
+    times, half_widths = trial.times, trial.box.radius
+    bound = np.array([learned.radius(half_widths, t) for t in times.tolist()])
+    groups = trial_groups(trial, method)
+    pairs = joined(list(groups.values()))
+    differences = pairs.differences(trial.flow)
+    ends = np.cumsum([len(group.first) for group in groups.values()])
+    parts = zip(groups, np.split(ratios(np.abs(differences), bound), ends[:-1]), strict=True)
+    coverage = [_coverage(name, found) for name, found in parts]
+    sampled = np.fmax.reduce(np.abs(differences), axis=0)
+    found, its = pressed(trial, pairs=pairs, differences=differences, bound=bound, method=method)
+    pool, distances = joined([pairs, found]), np.abs(np.concatenate([differences, its]))
+    witness = _witness(pool, ratios(distances, bound), times, confirm)
+    if method.closer:
+        closer = closer_pairs(trial, method)
+        rows, own = _own_ratios(closer, trial, learned)
+        coverage.append(_coverage(CLOSER, own))
+        witness = witness or _witness(closer, own, times[rows], confirm)
+    reached = np.fmax.reduce(distances, axis=0)
+    curves = tuple(_curve(p, trial, learned=bound, reached=reached, method=method) for p in proved)
     return Examination(
         _verdict(witness, curves),
         witness,
         learned.names,
         times,
         sampled,
-        driven,
+        reached,
         bound,
         curves,
-        coverage,
+        tuple(coverage),
+        tightness(bound, reached),
     )
 
 
-def _verdict(witness: Witness | None, curves: tuple[ProvedCurve, ...]) -> ExaminationVerdict:
+def tightness(half_widths: Array, reached: Array) -> Array:
+    """Mean over the instants after the first of half width / reached (n,); NaN where none moved."""
+    moved = reached[1:] > 0.0
+    ratio = np.where(moved, half_widths[1:] / np.where(moved, reached[1:], 1.0), 0.0)
+    count = moved.sum(axis=0)
+    return np.where(count > 0, ratio.sum(axis=0) / np.maximum(count, 1), np.nan)
+
+
+def _verdict(witness: AnyWitness | None, curves: tuple[ProvedCurve, ...]) -> ExaminationVerdict:
     if witness is not None:
         return ExaminationVerdict.REFUTED
     if any(curve.implies_learned and curve.rigor is Rigor.ENCLOSED for curve in curves):
@@ -94,107 +140,61 @@ def _verdict(witness: Witness | None, curves: tuple[ProvedCurve, ...]) -> Examin
     return ExaminationVerdict.CONSISTENT
 
 
-def _groups(system: System, box: Box, method: Examiner) -> dict[str, Pairs]:
-    rng = np.random.default_rng(method.seed)
-    count, center, half = method.samples, np.array(box.center), np.array(box.radius)
-
-    def about_center(states: Array) -> Pairs:
-        first = np.tile(center, (len(states), 1))
-        return Pairs(first, states, parameter_states(system.ode.parameters, len(states), rng))
-
-    groups = {
-        "interior": about_center(uniform_states(box, count, rng)),
-        "faces": about_center(face_states(box, count, rng)),
-        "vertices": about_center(vertex_states(box, most=count, rng=rng)),
-    }
-    if method.any_centre:
-        first = face_states(box, count, rng)
-        shift = np.where(rng.random((count, 1)) < 0.5, 1.0, rng.random((count, len(half))))
-        shift = shift * rng.choice([-1.0, 1.0], size=(count, len(half))) * half
-        second = np.clip(first + shift, np.array(box.lower), np.array(box.upper))
-        parameters = parameter_states(system.ode.parameters, count, rng)
-        groups["other centres"] = Pairs(first, second, parameters)
-    return groups
+def _own_ratios(pairs: Pairs, trial: Trial, learned: Discrepancy) -> tuple[Array, Array]:
+    """Instants' numbers (M,) and distance / bound of the own initial distances (N, M, n)."""
+    last = len(trial.times) - 1
+    rows = np.unique(np.linspace(0, last, min(_OWN_INSTANTS, last + 1)).astype(int))
+    distances = np.abs(pairs.differences(trial.flow))[:, rows]
+    gaps = own_distances(pairs).tolist()
+    bound = np.array([[learned.radius(gap, t) for t in trial.times[rows].tolist()] for gap in gaps])
+    return rows, ratios(distances, bound)
 
 
-def _ratios(distances: Array, bound: Array) -> Array:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = distances / bound
-    ratios = np.where((bound == 0.0) & (distances == 0.0), 0.0, ratios)
-    return np.where(np.isfinite(distances), ratios, np.inf)
-
-
-def _coverage(group: str, distances: Array, bound: Array) -> Coverage:
-    ratios = _ratios(distances, bound).max(axis=2)
-    # At t = 0 the two sides are the same number up to its last digit.
-    inside = ratios <= 1.0 + 1e-12
+def _coverage(group: str, found: Array) -> Coverage:
+    worst = found.max(axis=2)
+    inside = worst <= 1.0 + _ROUNDING
     return Coverage(
         group,
-        len(distances),
+        len(worst),
         inside.mean(axis=0),
         float(inside.all(axis=1).mean()),
-        float(ratios.max()),
+        float(worst.max()),
     )
 
 
-def _driven(
-    flow: Flow, box: Box, *, pairs: Pairs, distances: Array, bound: Array, method: Examiner
-) -> Pairs:
-    """Drive each coordinate's distance up at its worst instants and at evenly spaced ones."""
-    size = distances.shape[2]
-    worst = _ratios(distances, bound).max(axis=0)
-    half = (method.goals_per_coordinate + 1) // 2
-    spaced = np.linspace(1, len(bound) - 1, method.goals_per_coordinate - half + 1)[1:].astype(int)
-    chosen = [
-        (i, int(k))
-        for i in range(size)
-        for k in np.union1d(1 + np.argsort(worst[1:, i], kind="stable")[-half:], spaced)
-    ]
-    coordinate, instant = (np.array(part) for part in zip(*chosen, strict=True))
-    rows = np.array([int(np.nanargmax(distances[:, k, i])) for i, k in chosen])
-    start = pairs.take(rows)
-    signed = start.differences(flow)[np.arange(len(rows)), instant, coordinate]
-    goals = Goals(coordinate, instant, np.where(signed < 0.0, -1.0, 1.0))
-    return ascend(
-        flow, box, goals=goals, start=start, rounds=method.rounds, move_first=method.any_centre
-    )
-
-
-def _witness(
-    flow: Flow, pairs: Pairs, *, ratios: Array, times: Array, claim: Discrepancy
-) -> Witness | None:
-    """The confirmed witness with the largest distance / bound; one try per coordinate."""
+def _witness(pairs: Pairs, found: Array, times: Array, confirm: Confirm) -> AnyWitness | None:
+    """The confirmed witness with the largest distance / bound among a few tries per coordinate."""
     candidates = []
-    for i in range(ratios.shape[2]):
-        column = ratios[:, 1:, i]
-        row, k = np.unravel_index(int(np.argmax(column)), column.shape)
-        if column[row, k] <= 1.0:
-            continue
-        pair = pairs.take(np.array([row]))
-        found = confirmed(flow, pair, coordinate=i, time_s=float(times[k + 1]), claim=claim)
-        if found is not None:
-            candidates.append(found)
+    for i in range(found.shape[2]):
+        column = found[:, :, i]
+        for k in np.argsort(-column.max(axis=0), kind="stable")[:_TRIES].tolist():
+            row = int(column[:, k].argmax())
+            if column[row, k] <= 1.0:
+                break
+            witness = confirm(pairs.take(np.array([row])), i, float(times[k]))
+            if witness is not None:
+                candidates.append(witness)
+                break
     return max(candidates, key=lambda w: w.distance / max(w.bound, 1e-300), default=None)
 
 
 def _curve(
     proved: Discrepancy | ProvedEnvelope,
-    box: Box,
-    times: Array,
+    trial: Trial,
     *,
     learned: Array,
     reached: Array,
     method: Examiner,
 ) -> ProvedCurve:
-    rigor = proved.rigor
+    rigor, times = proved.rigor, trial.times.tolist()
     if isinstance(proved, Discrepancy):
         name, covers = proved.norm, True
         if proved.region is not None:
             rigor = weakest(rigor, method.stays_in_region)
-        rows = [proved.radius(box.radius, t) for t in times.tolist()]
+        rows = [proved.radius(trial.box.radius, t) for t in times]
     else:
         name, covers = proved.name, not method.any_centre
-        rows = [tuple(proved.half_widths(t)) for t in times.tolist()]
+        rows = [tuple(proved.half_widths(t)) for t in times]
     half_widths = np.array(rows)
     return ProvedCurve(
         name,
@@ -202,5 +202,6 @@ def _curve(
         rigor,
         proved.condition,
         implies_learned=covers and bool(np.all(half_widths <= learned)),
-        worst_ratio=float(_ratios(reached, half_widths).max()),
+        worst_ratio=float(ratios(reached, half_widths).max()),
+        tightness=tightness(half_widths, reached),
     )

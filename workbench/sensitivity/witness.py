@@ -11,6 +11,7 @@ import numpy as np
 from workbench.models.system import System
 from workbench.sensitivity.ascent import Pairs
 from workbench.sensitivity.discrepancy import Discrepancy
+from workbench.sensitivity.learning.pairs import Simulator
 from workbench.sensitivity.sampling import Flow
 
 
@@ -44,6 +45,49 @@ class Witness:
         return _distance(self, system, self.step_s)
 
 
+@final
+@dataclass(frozen=True, slots=True)
+class SimulatedWitness:
+    """The same of a black box: two initial states and the seed that their runs share.
+
+    distance: |second - first| of `coordinate` at `time_s` as the simulator gives it, twice the
+    same; how far the simulator itself errs is not known.
+    """
+
+    first: tuple[float, ...]
+    second: tuple[float, ...]
+    seed: int
+    time_s: float
+    coordinate: str
+    distance: float
+    bound: float
+
+    @property
+    def excess(self) -> float:
+        """By how much the bound fails, in the coordinate's unit."""
+        return self.distance - self.bound
+
+    def replay(self, simulator: Simulator) -> float:
+        """Run the pair again: the distance, equal to `distance` with the same simulator."""
+        seeds = np.full(2, self.seed, dtype=np.uint64)
+        runs = simulator.runs(np.array([self.first, self.second]), seeds)
+        index = tuple(simulator.names).index(self.coordinate)
+        instant = int(np.argmin(np.abs(simulator.times - self.time_s)))
+        return abs(float(runs[1, instant, index] - runs[0, instant, index]))
+
+
+AnyWitness = Witness | SimulatedWitness
+
+
+def own_bound(pair: Pairs, claim: Discrepancy, time_s: float) -> tuple[float, ...]:
+    """What `claim` promises at `time_s` for the initial distances of the pair's first row."""
+    gaps = [
+        0.0 if a == b else math.nextafter(abs(float(b) - float(a)), math.inf)
+        for a, b in zip(pair.first[0], pair.second[0], strict=True)
+    ]
+    return claim.radius(gaps, time_s)
+
+
 def confirmed(
     flow: Flow, pair: Pairs, *, coordinate: int, time_s: float, claim: Discrepancy
 ) -> Witness | None:
@@ -55,10 +99,6 @@ def confirmed(
     """
     system, step_s = flow.system, flow.step_s
     first, second = pair.first[0], pair.second[0]
-    gaps = [
-        0.0 if a == b else math.nextafter(abs(float(b) - float(a)), math.inf)
-        for a, b in zip(first, second, strict=True)
-    ]
     trial = Witness(
         tuple(first.tolist()),
         tuple(second.tolist()),
@@ -67,7 +107,7 @@ def confirmed(
         coordinate=claim.names[coordinate],
         distance=0.0,
         integration_error=0.0,
-        bound=claim.radius(gaps, time_s)[coordinate],
+        bound=own_bound(pair, claim, time_s)[coordinate],
         step_s=step_s / 4.0,
     )
     distance = _distance(trial, system, step_s / 4.0)
@@ -93,5 +133,7 @@ def _distance(witness: Witness, system: System, step_s: float) -> float:
         np.array([witness.first]), np.array([witness.second]), np.array([witness.parameters])
     )
     index = system.ode.names.index(witness.coordinate)
+    if witness.time_s == 0.0:
+        return abs(witness.second[index] - witness.first[index])
     difference = pair.differences(Flow(system, witness.time_s, step_s))
     return abs(float(difference[0, -1, index]))

@@ -331,11 +331,18 @@ static void wb_reset(const wb_case *c, wb_cell *cell) {
   if (turn[0] < 0.0 || turn[1] > 0.0) *steering = (*steering + wb_max(-turn[0], turn[1]) * wait) * WB_UP;
 }
 
+#ifdef WB_REGIONS
+static int wb_settle_learned(wb_case *c, wb_cell *cells, int level, double *r); /* learned_decide.c */
+#endif
+
 /* Whether the level is proved, as a whole or in cells; the deciding level, and what settles it, is
  * reported. */
 static int wb_settle_level(wb_case *c, wb_cell *cells, int level, double *r) {
   const int decides = level == WB_DECIDING;
   int count;
+#ifdef WB_REGIONS
+  if (!c->order.brakes) return wb_settle_learned(c, cells, level, r);
+#endif
   memcpy(cells->center, c->center[level], sizeof cells->center);
   memcpy(cells->radius, c->radius[level], sizeof cells->radius);
   if (c->order.held_upper > 0.0) wb_reset(c, cells);

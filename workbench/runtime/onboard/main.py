@@ -30,6 +30,7 @@ from workbench.runtime.onboard.listening import listened
 from workbench.runtime.onboard.loop import End, Loop, MonotonicClock
 from workbench.runtime.onboard.onboard_settings import OnboardSettings
 from workbench.runtime.onboard.playback_settings import log_header
+from workbench.runtime.onboard.proved import check_proved
 from workbench.runtime.onboard.recorder import RecordedCore, Recorder, RecorderSettings
 from workbench.runtime.onboard.refusing import RefusedError, refusing
 from workbench.runtime.onboard.sensors_file import settings_from
@@ -171,6 +172,8 @@ def _loaded(args: argparse.Namespace) -> tuple[Bundle, OnboardSettings]:
         raise RefusedError(
             Exit.NOT_FOR_DRIVING, f"{args.bundle}: the manifest lacks {missing}; build it for a car"
         )
+    with refusing(Exit.NOT_FOR_DRIVING):
+        check_proved(manifest, MODES[args.mode])
     with refusing(Exit.SENSORS):
         tag = int(bundle.manifest_sha256[:2], 16)
         settings = settings_from(manifest, signed=signed, tag=tag)

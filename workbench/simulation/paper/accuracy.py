@@ -131,7 +131,8 @@ class Cell:
     None where there is no such window. censored: windows that BRAKE, or the run's end, cut short of
     T, whose steps until then count and whose trajectories do not; proof_ended: windows with a proof
     that ends before T; begins: share of the sets that contained the car; mean_area_m2: over the
-    rows of all windows, NaN without any.
+    rows of all windows, NaN without any; area_rows: share of all rows that it is the mean of, less
+    than 1 where tubes ended early: what is missing are the last, widest rows.
     """
 
     horizon_s: float
@@ -145,6 +146,7 @@ class Cell:
     proof_ended: int
     begins: float
     mean_area_m2: float
+    area_rows: float
 
 
 def cell(runs: Sequence[RunTubes], *, horizon_s: float, starts: Starts) -> Cell | None:
@@ -169,11 +171,13 @@ def cell(runs: Sequence[RunTubes], *, horizon_s: float, starts: Starts) -> Cell 
         int(of["proof_ended"].sum()),
         float(of["begins"].sum() / of["windows"].sum()),
         float(of["area"].sum() / rows) if rows else float("nan"),
+        float(rows / of["all_rows"].sum()),
     )
 
 
 _COUNTED: Final = (
     "inside", "steps", "whole", "complete", "windows", "proof_ended", "begins", "area", "rows",
+    "all_rows",
 )  # fmt: skip
 
 
@@ -192,7 +196,7 @@ def _counts(run: RunTubes, horizon_s: float, starts: Starts) -> tuple[float, ...
     numbers = (
         (inside & counts).sum(), counts.sum(), (inside.all(axis=1) & complete).sum(),
         complete.sum(), chosen.sum(), (~proved).any(axis=1).sum(), run.begins[chosen].sum(),
-        area[proved].sum(), proved.sum(),
+        area[proved].sum(), proved.sum(), proved.size,
     )  # fmt: skip
     return tuple(map(float, numbers))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,12 +10,13 @@ from typing import Final, Protocol, final
 
 import numpy as np
 
-from workbench.codegen.bundle import LEVELS, MonitorSpec, build_bundle
+from workbench.codegen.bundle import LEVELS, MonitorSpec, bundle_files
 from workbench.codegen.decision_source import PATH_NODES
 from workbench.models.bicycle import PathFrame
 from workbench.models.vehicle import Vehicle
 from workbench.reach.ranged_parameters import with_ranged_parameters_as_disturbances
-from workbench.runtime import Bundle, Timing, load_bundle
+from workbench.runtime import Bundle, Timing
+from workbench.runtime.bundle import bundle_of
 from workbench.runtime.layout import KernelStatus
 from workbench.runtime.measuring import STATES, initial_sets
 from workbench.runtime.path import PathTable
@@ -60,10 +60,14 @@ class PathTubes(Protocol):
         """From one of the nested sets that a decision was about."""
 
 
+def loaded(files: Mapping[str, bytes]) -> Bundle:
+    """A bundle of which no file stays."""
+    return bundle_of(files, Path("bundle"))
+
+
 def paper_bundle(vehicle: Vehicle, *, horizon_s: float) -> Bundle:
     """The vehicle's kernel with room for the longest horizon; some seconds."""
-    with tempfile.TemporaryDirectory(prefix="workbench-") as folder:
-        return load_bundle(build_bundle(paper_spec(vehicle, horizon_s), Path(folder) / "bundle"))
+    return loaded(bundle_files(paper_spec(vehicle, horizon_s)))
 
 
 def paper_spec(vehicle: Vehicle, horizon_s: float) -> MonitorSpec:

@@ -1,0 +1,1 @@
+"""Learning how far runs spread: pairs of runs, forms fitted to them, what they support."""
