@@ -31,6 +31,7 @@ from workbench.codegen.bundle import bundle_files
 from workbench.models.vehicle import load_vehicle
 from workbench.runtime import Bundle
 from workbench.simulation.paper.accuracy import HORIZONS_S, accuracy_rows
+from workbench.simulation.paper.confidences import THIRDS
 from workbench.simulation.paper.learned import learned_spec
 from workbench.simulation.paper.panels import panel
 from workbench.simulation.paper.replayed import ReplayedRun, replay
@@ -63,7 +64,7 @@ def bundle() -> Bundle:
 
 @pytest.fixture(scope="module")
 def run(rig: Rig) -> ReplayedRun:
-    return replay(rig, TRIAL)
+    return replay(rig, TRIAL, shares=THIRDS)
 
 
 @pytest.fixture(scope="module")
@@ -92,14 +93,14 @@ def found(rig: Rig, run: ReplayedRun, tubes: tuple[KernelTubes, ...]) -> Found:
     short = dataclasses.replace(run, asked=run.asked[30::20])
     return Found(
         times, accuracy_rows([short], tubes), (drawn,) * 4, (short,), (1000,), ("alongside",),
-        ("bicycle",), "a hundred pairs",
+        ("bicycle",), THIRDS, "a hundred pairs",
     )  # fmt: skip
 
 
 def test_the_same_run_gives_the_same_table_twice(
     rig: Rig, found: Found, tubes: tuple[KernelTubes, ...]
 ) -> None:
-    again = replay(rig, TRIAL)
+    again = replay(rig, TRIAL, shares=THIRDS)
     short = dataclasses.replace(again, asked=again.asked[30::20])
     repeated = dataclasses.replace(found, accuracy=accuracy_rows([short], tubes))
     assert accuracy_csv(repeated) == accuracy_csv(found)

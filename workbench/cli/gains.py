@@ -4,34 +4,44 @@ from __future__ import annotations
 
 import argparse
 import math
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, final
 
 from workbench.cli.analysis_options import (
     Subject,
+    add_file_option,
     add_time_options,
     check_steps,
     text_table,
+    writable_file,
 )
-from workbench.cli.common import add_vehicle_option, chosen_vehicle
+from workbench.cli.common import add_vehicle_option, chosen_vehicle, writable_folder
+from workbench.cli.gains_options import add_gain_options, changed_vehicle, check_gain_options
 from workbench.cli.output import emit, warn
 from workbench.cli.reach import half_width_text, tube_data
 
 if TYPE_CHECKING:
     from workbench.models.control_view import Margins, QuickStudy
+    from workbench.models.vehicle import Vehicle
+    from workbench.report.curves import TubeCurves
 
 HELP = (
     "Shows poles and margins of a vehicle's TRACK loop, linearised on a straight path at reference "
-    "speed, and the tube of the full loop. Warns, and names the poles, when the gains make it "
-    "unstable; the exit status stays 0 then."
+    "speed, and the tube of the full loop. With --full also margins over speed, exact stability "
+    "maps, and the loop at samples with delay and jitter; --plot draws all of it. Warns, and names "
+    "the poles, when the gains make the loop unstable; the exit status stays 0 then."
 )
 EXAMPLE = """\
 workbench gains --quick
 workbench gains --quick --vehicle my_shuttle.toml --json
+workbench gains --kp 0.3 --kd 1.5 --no-tube --plot out/gains.html
+workbench gains --full --speeds 0.5 5 --rate 20 --jitter 0.004 --csv out/gains
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Vehicle, depth of the study, and the tube's time grid."""
+    """Vehicle, gains, depth of the study, the tube's time grid, and the files to write."""
     add_vehicle_option(parser)
     parser.add_argument(
         "--quick",
@@ -39,22 +49,106 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=True,
         help="poles, margins and one tube for the gains as they are (this is the default)",
     )
+    parser.add_argument("--full", action="store_true", help="the full study as well")
+    add_gain_options(parser)
+    parser.add_argument(
+        "--no-tube", action="store_true", help="leave the tube out; it takes longest"
+    )
     add_time_options(parser, step_s=0.05)
+    add_file_option(parser, "--plot", text="write the full study as a page")
+    parser.add_argument(
+        "--csv", type=Path, metavar="DIR", help="write the full study's numbers, one file per table"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Show the study; warnings go to standard error."""
+    args.full = bool(args.full or args.plot or args.csv)
     check_steps(args)
-    vehicle = chosen_vehicle(args)
-    from workbench.cli.analysis_results import ending, tube_of
-    from workbench.models.bicycle import PathFrame
+    check_gain_options(args)
+    writable_file(args.plot, "--plot")
+    vehicle = changed_vehicle(args, chosen_vehicle(args))
+    if args.csv:
+        writable_folder(args.csv)
     from workbench.models.control_view import quick_study
 
-    study = quick_study(vehicle)
-    loop = vehicle.closed_loop(vehicle.track(), PathFrame(0.0, 0.0))
-    subject = Subject(vehicle.name, loop, vehicle.initial_set, vehicle.operation.region)
-    tube = tube_of(subject, horizon_s=args.horizon, step_s=args.step)
-    text = "\n".join(
+    quick = quick_study(vehicle)
+    tube = None if args.no_tube else _Tube.of(args, vehicle)
+    texts, data = [_quick_text(quick)], _data(quick)
+    if tube is not None:
+        texts.append(tube.text)
+        data |= {"tube": tube.data}
+    if args.full:
+        text, more = _full(args, vehicle, quick, tube)
+        texts.append(text)
+        data |= more
+    emit(args, "\n\n".join(texts), data)
+    for warning in quick.warnings:
+        warn(warning)
+    if tube is not None and tube.ended:
+        warn(f"{tube.ended}; the gains, a large initial set or a long step can be the cause")
+    return 0
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tube:
+    """The tube as text, as data and as curves (None where it has no step); ended: where too
+    early."""
+
+    text: str
+    data: dict[str, object]
+    curves: TubeCurves | None
+    ended: str
+
+    @classmethod
+    def of(cls, args: argparse.Namespace, vehicle: Vehicle) -> _Tube:
+        from workbench.cli.analysis_results import ending, tube_curves, tube_of
+        from workbench.models.bicycle import PathFrame
+
+        loop = vehicle.closed_loop(vehicle.track(), PathFrame(0.0, 0.0))
+        subject = Subject(vehicle.name, loop, vehicle.initial_set, vehicle.operation.region)
+        tube = tube_of(subject, horizon_s=args.horizon, step_s=args.step)
+        text = "\n".join(
+            [
+                "half widths of the set of reachable states",
+                half_width_text(subject, tube, horizon_s=args.horizon),
+                ending(tube),
+            ]
+        )
+        return cls(
+            text,
+            tube_data(tube, horizon_s=args.horizon),
+            tube_curves(tube, loop.ode) if len(tube.lower) else None,
+            "" if tube.complete else ending(tube),
+        )
+
+
+def _full(
+    args: argparse.Namespace, vehicle: Vehicle, quick: QuickStudy, tube: _Tube | None
+) -> tuple[str, dict[str, object]]:
+    """Text and data of the full study; writes its files."""
+    from workbench.cli.gains_study import (
+        full_study,
+        study_data,
+        study_text,
+        write_gains_page,
+        write_tables,
+    )
+
+    study = full_study(args, vehicle)
+    files: list[Path] = []
+    if args.csv:
+        files += write_tables(args.csv, study)
+    if args.plot:
+        write_gains_page(args, study, quick, tube.curves if tube else None)
+        files.append(args.plot)
+    said = [study_text(study), *(f"wrote {each}" for each in (args.plot, args.csv) if each)]
+    return "\n".join(said), {"study": study_data(study), "files": files}
+
+
+def _quick_text(study: QuickStudy) -> str:
+    return "\n".join(
         [
             f"{study.vehicle} on a straight path at {study.speed_mps:g} m/s: "
             f"{study.verdict.message}",
@@ -62,18 +156,8 @@ def run(args: argparse.Namespace) -> int:
             _pole_text(study),
             "",
             _margin_text(study),
-            "",
-            "half widths of the set of reachable states",
-            half_width_text(subject, tube, horizon_s=args.horizon),
-            ending(tube),
         ]
     )
-    emit(args, text, _data(study) | {"tube": tube_data(tube, horizon_s=args.horizon)})
-    for warning in study.warnings:
-        warn(warning)
-    if not tube.complete:
-        warn(f"{ending(tube)}; the gains, a large initial set or a long step can be the cause")
-    return 0
 
 
 def _pole_text(study: QuickStudy) -> str:

@@ -66,6 +66,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         + ", ".join(SCENARIOS) + ")",
     )  # fmt: skip
     parser.add_argument(
+        "--thirds",
+        action="store_true",
+        help="nested sets of the whole, two thirds and one third of the measured set, instead of "
+        "fitted to other drives",
+    )
+    parser.add_argument(
         "--require", type=number, default=0.999, metavar="SHARE",
         help="share of steps that the tubes with N and W must contain on every plant, at every T "
         "and confidence, of decisions at speed (default: 0.999)",
@@ -102,9 +108,17 @@ def run(args: argparse.Namespace) -> int:
     emit(args, "\n\n".join([_text(args, found), ending, f"report: {args.out / 'report.html'}"]),
          {"times": found.times, "accuracy": found.accuracy, "least": found.least,
           "required": args.require, "seeds": found.seeds, "scenarios": found.scenarios,
-          "plants": found.plants, "learned": found.learned,
+          "plants": found.plants, "shares": found.shares, "learned": found.learned,
           "report": str(args.out / "report.html")})  # fmt: skip
     return DONE if reached else CLAIM_FAILS
+
+
+def sizes(found: Found) -> str:
+    """Of the nested sets, in words."""
+    high, medium, low = (f"{share:.2f}" for share in found.shares)
+    return (
+        f"High, medium and low confidence: {high}, {medium} and {low} of the measured set's radii"
+    )
 
 
 def this_command(args: argparse.Namespace) -> str:
@@ -154,10 +168,11 @@ def _text(args: argparse.Namespace, found: Found) -> str:
     if args.table:
         return _markdown(found)
     tables = [time_table(found.times), *accuracy_tables(found, starts=STARTS[0].name)]
-    return "\n\n".join(
+    shown = [
         f"{each.caption}\n{text_table(list(each.headings), [list(row) for row in each.rows])}"
         for each in tables
-    )
+    ]
+    return "\n\n".join([*shown, sizes(found)])
 
 
 def _main_tables(found: Found) -> str:
@@ -182,7 +197,7 @@ def _write_into(args: argparse.Namespace, found: Found, document: Path) -> None:
     asked = argparse.Namespace(**vars(args) | {"into": None, "out": None})
     made = (
         f"Made with\n\n```console\n$ {this_command(asked)}\n```\n\nIts page and `table-2.csv` also "
-        "have what was counted, and decisions at any speed."
+        f"have what was counted, and decisions at any speed. {sizes(found)}."
     )
     body = f"\n\n{made}\n\n{_main_tables(found)}\n\n{pictures}\n\n"
     write_text(document, before + BEGIN + body + END + after)

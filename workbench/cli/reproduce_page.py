@@ -34,11 +34,12 @@ _TABLE_2: Final = (
     "32.5 ms apart, as long as TRACK is what was sent. After a BRAKE nothing is compared; steps "
     "before it count, the trajectory then does not count as a whole one. Where a tube ends before "
     "T, later steps count as not contained.",
-    "High, medium and low confidence are the whole measured set and two thirds and one third of "
-    "its radii. The whole set is made to hold the car, the smaller ones are not: the last column "
-    "of the count says how often they did. A tube says nothing of a car that did not start in it; "
-    "what it contains all the same is owed to N and W. The tables of decisions with the car in the "
-    "set leave the others out.",
+    "High confidence is the whole measured set, which is made to hold the car. Low is the smallest "
+    "share of its radii that held the car at every decision of other drives, medium the middle of "
+    "the two (with --thirds: two thirds and one third, which nothing makes hold the car). The last "
+    "column of the count says how often they did. A tube says nothing of a car that did not start "
+    "in it; what it contains all the same is owed to N and W. The tables of decisions with the car "
+    "in the set leave the others out.",
     "The first method has the paper's model, a bicycle under its controller that reads its state "
     "without error: what it misses is the honest lower figure. The second has N and W of the "
     "vehicle file. The third is the paper's own: the measured set is cut into regions, the same "
@@ -111,6 +112,10 @@ def _settings(found: Found) -> Block:
         ("scenarios of Table II", ", ".join(found.scenarios)),
         ("plants", ", ".join(found.plants)),
         ("seeds of all errors, actuators and people", ", ".join(map(str, found.seeds))),
+        (
+            "High, medium and low: shares of the measured set's radii",
+            ", ".join(f"{share:.2f}" for share in found.shares),
+        ),
         ("policy that drives", "LookAhead, as in the paper"),
         ("runs", str(len(found.runs))),
         ("decisions without a measured set, not counted", str(unmeasured)),

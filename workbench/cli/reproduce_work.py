@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
 FIRST_SEED: Final = 1000
 """Figures of a vehicle file are fitted to runs of lower seeds."""
-SCENARIOS: Final = ("nobody_s_bend", "paper_alongside_simulation", "paper_alongside_vehicle")
+FIT_SEED: Final = 900
+"""First seed of the runs that the nested sets are fitted to."""
+SCENARIOS: Final = ("paper_alongside_simulation", "paper_alongside_vehicle")
 PLANTS: Final = ("single-track", "multi-body")
 PLAIN: Final = "the paper's model: bicycle and controller alone"
 FITTED: Final = "with N and W of the vehicle file"
@@ -36,7 +38,8 @@ _QUICK_S: Final = 13.0
 @final
 @dataclass(frozen=True, slots=True)
 class Found:
-    """All that was measured. learned: what the learned beta rests on, in words."""
+    """All that was measured. shares: of the measured set's radii, High, Med and Low; learned: what
+    the learned beta rests on, in words."""
 
     times: PaperTimes
     accuracy: tuple[AccuracyRow, ...]
@@ -45,6 +48,7 @@ class Found:
     seeds: tuple[int, ...]
     scenarios: tuple[str, ...]
     plants: tuple[str, ...]
+    shares: tuple[float, ...]
     learned: str
 
     @property
@@ -66,6 +70,7 @@ def measured(args: argparse.Namespace) -> Found:
     `commonroad` where its plant is asked for."""
     from workbench.models.vehicle import load_vehicle
     from workbench.simulation.paper.accuracy import CONFIDENCES, accuracy_rows
+    from workbench.simulation.paper.confidences import THIRDS
     from workbench.simulation.paper.tubes import KernelTubes, certain, loaded
     from workbench.simulation.simulated import build_rig, simulated_path
 
@@ -85,7 +90,8 @@ def measured(args: argparse.Namespace) -> Found:
     assert kernels.learned is not None, "made in _kernels"
     learned = loaded(kernels.learned)
     methods += (KernelTubes(learned, vehicle, unsure=False, title=LEARNED),)
-    runs = _replays(rig, trials)
+    shares = THIRDS if args.thirds else _fitted(args, rig)
+    runs = _replays(rig, trials, shares, what="drives")
     with Progress("tubes against drives", len(runs) * len(methods) * len(CONFIDENCES)) as bar:
         accuracy = accuracy_rows(runs, methods, advance=bar.advance)
     panels = _panels(args, rig, methods[1], seeds[0])
@@ -96,7 +102,7 @@ def measured(args: argparse.Namespace) -> Found:
     return Found(
         times, accuracy, panels, runs, seeds,
         tuple(dict.fromkeys(trial.scenario.name for trial in trials)),
-        tuple(dict.fromkeys(trial.plant for trial in trials)), statement,
+        tuple(dict.fromkeys(trial.plant for trial in trials)), shares, statement,
     )  # fmt: skip
 
 
@@ -143,11 +149,21 @@ def _trials(args: argparse.Namespace, seeds: tuple[int, ...]) -> tuple[Trial, ..
     )
 
 
-def _replays(rig: Rig, trials: tuple[Trial, ...]) -> tuple[ReplayedRun, ...]:
+def _fitted(args: argparse.Namespace, rig: Rig) -> tuple[float, ...]:
+    """Sizes of the nested sets, by as many other drives as are judged."""
+    from workbench.simulation.paper.confidences import TRIED, fitted
+
+    seeds = tuple(range(FIT_SEED, FIT_SEED + (1 if args.quick else args.seeds)))
+    return fitted(_replays(rig, _trials(args, seeds), TRIED, what="drives to fit the sets to"))
+
+
+def _replays(
+    rig: Rig, trials: tuple[Trial, ...], shares: Sequence[float], *, what: str
+) -> tuple[ReplayedRun, ...]:
     from workbench.simulation.paper.replayed import replay
 
-    with Progress("drives", sum(int(trial.scenario.duration_s) for trial in trials)) as bar:
-        return tuple(replay(rig, trial, advance=bar.advance) for trial in trials)
+    with Progress(what, sum(int(trial.scenario.duration_s) for trial in trials)) as bar:
+        return tuple(replay(rig, trial, shares=shares, advance=bar.advance) for trial in trials)
 
 
 def _panels(args: argparse.Namespace, rig: Rig, tubes: KernelTubes, seed: int) -> tuple[Panel, ...]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.codegen.bundle import LEVELS
 from workbench.runtime import Deciding, Decision, Observation
 from workbench.runtime.judgement import CannotJudgeError
 from workbench.runtime.measuring import Measuring
@@ -107,14 +106,16 @@ class ReplayedRun:
 
 
 def replay(
-    rig: Rig, trial: Trial, *, deciding: Deciding = Deciding.LOOK_AHEAD,
-    advance: Callable[[], None] = lambda: None,
+    rig: Rig, trial: Trial, *, shares: Sequence[float],
+    deciding: Deciding = Deciding.LOOK_AHEAD, advance: Callable[[], None] = lambda: None,
 ) -> ReplayedRun:  # fmt: skip
     """Drive, and keep what the tubes are compared with; `advance` once per second of the scenario.
 
+    shares: of the measured set's radii, one for each nested set, 1 first and falling.
+
     The run is over where less than 25 m of the path are left."""
     path = rig.scene(trial).setting.path
-    measuring = Measuring(path, [level.share for level in LEVELS], station_m=None)
+    measuring = Measuring(path, shares, station_m=None)
     places, taken, asked, unmeasured = _Places(path), [], [], 0
     for k, each in enumerate(_counted(turns(rig, trial, deciding=deciding), advance)):
         if places.take(each.motion) > path.end_m - _LEFT_M:
