@@ -111,6 +111,21 @@ def test_a_folder_of_pairs_is_gone_on_with_and_changes_nothing(tmp_path: Path) -
     assert "expected pairs of the same seed, 5, got those of 4" in other.err
 
 
+def test_the_order_of_a_function_s_states_is_part_of_what_its_pairs_are(tmp_path: Path) -> None:
+    words = ("learn", "--from", _function(tmp_path), "--horizon", "1", "--step", "0.5", "--pairs",
+             "20")  # fmt: skip
+    pairs, saved = tmp_path / "pairs", tmp_path / "learned.json"
+    assert invoke(*words, *START, "--resume", pairs, "--save", saved).status == 0
+    swapped = (*START[len(START) // 2 :], *START[: len(START) // 2])
+    mixed = invoke(*words, *swapped, "--resume", pairs)
+    assert mixed.status == 2
+    assert "pairs must not be mixed" in mixed.err
+    tried = invoke("examine", *words[1:-2], *swapped, "--learned", saved, "--samples", "5",
+                   "--out", tmp_path / "out")  # fmt: skip
+    assert tried.status == 2
+    assert "states: ['rate', 'angle'] here" in tried.err
+
+
 def test_waiting_and_judging_states_what_the_carrying_pairs_support() -> None:
     words = ("learn", *SHORT, "--pairs", "300", "--delta", "1e-3", "--json")
     before = invoke(*words).data["statement"]

@@ -92,6 +92,19 @@ def test_the_pairs_that_carry_a_fit_alone_give_it_and_no_other_pair_matters(form
         assert fewer != pytest.approx(everything, rel=1e-4)
 
 
+@pytest.mark.parametrize("seed", [1, 52, 53])
+def test_where_many_matrices_cost_the_same_the_carrying_pairs_decide_too(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    steps = int(rng.integers(2, 6))
+    distances = rng.integers(0 if seed % 2 else 1, 4, (30, steps + 1, 2)).astype(float)
+    distances[:, 0] = rng.integers(1, 3, (30, 2))
+    pairs = GivenPairs(distances, np.arange(steps + 1.0), np.array([2.0, 2.0]))
+    whole = MatrixForm(1).fit(pairs, 30)
+    alone = MatrixForm(1).fit(pairs.only(whole.support), len(whole.support))
+    bounds = (each.growth.bounds(distances[:, 0], pairs.times) for each in (whole, alone))
+    assert next(bounds) == pytest.approx(next(bounds), rel=1e-4)
+
+
 @_ids
 def test_parameters_are_counted_before_the_runs_as_they_are_after(form: Form) -> None:
     pairs = random_pairs(1, count=20, steps=8, scale=(1.0, 0.1, 3.0))
@@ -228,3 +241,17 @@ def test_runs_progress_to_the_end() -> None:
     SetExponential().fit(pairs, 600, progress=lambda done, total: seen.append((done, total)))
     assert seen[-1] == (600, 600)
     assert seen == sorted(seen)
+
+
+@_ids
+def test_half_widths_far_from_one_are_contained_or_refused(form: Form) -> None:
+    pairs = random_pairs(3, count=60, steps=8, scale=(1.0, 1.0, 1.0))
+    # Distances that shrink by much more than the doubles' digits.
+    distances = pairs.distances * np.exp(-np.linspace(0.0, 60.0, 9))[:, None]
+    for units in ((1e-90, 1e90, 1.0), (1e-305, 1.0, 1.0), (1.0, 1e-320, 1.0), (1.0, 1.0, 1e290)):
+        given_pairs = GivenPairs(distances * units, pairs.times, np.array(units))
+        if min(units) > 1e-100 and max(units) < 1e100:
+            _contains(form, given_pairs)
+            continue
+        with pytest.raises(InputError, match=r"half widths .* between 1e-100 and 1e.100 .*units"):
+            form.fit(given_pairs, 60)

@@ -42,6 +42,15 @@ def test_states_instants_and_seed_go_in_and_states_come_out(tmp_path: Path) -> N
     assert np.allclose(found[1], [[1.1, 0.3], [2.6, -1.2], [4.1, -2.7]])
 
 
+def test_a_file_may_use_dataclasses_with_postponed_annotations(tmp_path: Path) -> None:
+    text = (
+        "from __future__ import annotations\nfrom dataclasses import dataclass\n"
+        "@dataclass\nclass Gain:\n    value: float\n"
+        "def run(state, times, seed):\n    return [state * Gain(1.0).value] * 3\n"
+    )
+    assert np.array_equal(_runs(_simulator(tmp_path, text))[0], [[1.0, 0.5]] * 3)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
@@ -206,12 +207,15 @@ def test_a_spoilt_block_is_named(tmp_path: Path) -> None:
     with Drawing(_pairs(), 8, Workforce(1, 8), store=store) as drawing:
         drawing.block(0, 8)
     block = tmp_path / "a" / "pairs" / "00000000.npy"
-    block.write_bytes(block.read_bytes()[:100])
-    with (
-        Drawing(_pairs(), 8, Workforce(1, 8), store=store) as drawing,
-        pytest.raises(InputError, match=r"00000000\.npy: expected a block .* delete this file"),
-    ):
-        drawing.block(0, 8)
+    other = io.BytesIO()
+    np.save(other, np.zeros(8))
+    for spoilt in (block.read_bytes()[:100], b"", other.getvalue()):
+        block.write_bytes(spoilt)
+        with (
+            Drawing(_pairs(), 8, Workforce(1, 8), store=store) as drawing,
+            pytest.raises(InputError, match=r"00000000\.npy: expected a block .*delete this file"),
+        ):
+            drawing.block(0, 8)
 
 
 def test_a_killed_command_goes_on_and_ends_in_the_same_file(tmp_path: Path) -> None:

@@ -77,6 +77,15 @@ def test_who_is_paired_does_not_depend_on_what_came_later() -> None:
     assert _owners(one, changed.block(0, changed.most or 0)) != owners[0]
 
 
+def test_pairs_of_all_places_come_in_random_order() -> None:
+    stretches = _stretches(count=40, futures=2)
+    place = {each.recording: each.place for each in stretches}
+    pairs = _matched(stretches, 10.0)
+    first = [place[one] for one, _ in _owners(stretches, pairs.block(0, 10))]
+    assert {"north", "south"} == set(first), "the held-out half would be of one place otherwise"
+    assert first.count("north") < 10
+
+
 def test_too_few_pairs_are_named() -> None:
     stretches = _stretches(count=6, futures=2)
     with pytest.raises(InputError, match="got 6 recordings and no such pair; widen --radius"):

@@ -160,7 +160,8 @@ def _plant(args: argparse.Namespace) -> Source:
     states = vehicle.closed_loop(vehicle.track(), PathFrame(low, high)).ode.states
     digest = hashlib.sha256(repr(vehicle).encode()).hexdigest()
     identity = {
-        "plant": args.source, "curvature_per_m": low, "initial_set": _intervals(box),
+        "plant": args.source, "curvature_per_m": low, "states": list(simulator.names),
+        "initial_set": _intervals(box),
         "vehicle": vehicle.name, "vehicle_sha256": digest,
     }  # fmt: skip
     return Source(
@@ -191,7 +192,7 @@ def _function(args: argparse.Namespace, file: Path, name: str) -> Source:
     simulator = FunctionSimulator(file, name, box.names, instants(args.horizon, args.step))
     identity = {
         "file": file.name, "function": name, "sha256": hashlib.sha256(text).hexdigest(),
-        "initial_set": _intervals(box),
+        "states": list(box.names), "initial_set": _intervals(box),
     }  # fmt: skip
     return Source(
         args.source, f"{file.name}:{name}", ("",) * len(box.names), identity,

@@ -142,6 +142,8 @@ def _executed(file: str) -> ModuleType:
     folder = str(Path(file).parent)
     if folder not in sys.path:
         sys.path.append(folder)
+    # Where Python's own tools look up a class's module, such as `dataclasses`.
+    sys.modules[_MODULE] = module
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import final
+from typing import Final, final
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,9 @@ from workbench.errors import InputError
 from workbench.sensitivity.learning.form import Progress, common_distance, distance_blocks
 from workbench.sensitivity.learning.pairs import PairSource
 from workbench.sensitivity.vectorised import Array
+
+# Of a half width: what is fitted stays far from where doubles lose digits or end.
+_SMALLEST: Final = 1e-100
 
 
 @final
@@ -26,7 +29,8 @@ class Largest:
 def largest_in_common(pairs: PairSource, count: int, *, progress: Progress | None) -> Largest:
     """Of |e_i(t_k)| / rho, rho = max_j |e_j(0)| / scale_j.
 
-    Raises InputError for a pair that starts in one state and separates.
+    Raises InputError for a pair that starts in one state and separates, and for a set of a width
+    that doubles do not carry.
     """
     found = _none_yet(pairs)
     for first, distances in distance_blocks(pairs, count, progress=progress):
@@ -63,6 +67,12 @@ def largest_per_state(pairs: PairSource, count: int, *, progress: Progress | Non
 
 
 def _none_yet(pairs: PairSource) -> Largest:
+    width = pairs.scale[pairs.scale > 0.0]
+    if np.any((width < _SMALLEST) | (width > 1.0 / _SMALLEST)):
+        raise InputError(
+            f"expected half widths of the initial set that are 0 or between {_SMALLEST:g} and "
+            f"{1.0 / _SMALLEST:g} in the states' units, got {pairs.scale.tolist()}; use other units"
+        )
     shape = (len(pairs.times), len(pairs.names))
     return Largest(np.zeros(shape), np.zeros(shape, dtype=np.int64))
 

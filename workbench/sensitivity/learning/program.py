@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any, Final, final
 
@@ -18,6 +18,8 @@ _TOLERANCE: Final = {"tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10, "tol_feas": 1e-
 _CLOSE: Final = 1e-5
 _EXACT: Final = 1e-9
 _ZERO: Final = 1e-10
+_GOLDEN: Final = 0.6180339887498949
+_TILT: Final = 1e-3
 
 
 @final
@@ -47,9 +49,22 @@ def solved(program: Program) -> Solution:
 
     Those have positive multipliers that balance the cost (Karush-Kuhn-Tucker; by non-negative least
     squares, so at most V of them); x is moved onto them, and every other constraint is checked.
-    Where that check fails, or they leave x a direction to move in, every constraint that seems
-    active counts as carrying. Raises RuntimeError if the solver fails.
+    Where that check fails, every constraint that seems active counts as carrying. Where many x have
+    the least cost, slightly different costs decide among them; if not even these do, every
+    constraint counts as carrying, as any may have moved the solver. Raises RuntimeError if the
+    solver fails.
     """
+    found, alone = _carried(program)
+    if not alone:
+        # Multiples of the golden ratio: no two costs keep their proportion.
+        uneven = (np.arange(len(program.linear)) * _GOLDEN) % 1.0
+        tilted = replace(program, linear=program.linear * (1.0 + _TILT * uneven))
+        found, alone = _carried(tilted)
+    return found if alone else Solution(found.x, np.arange(len(program.rows)))
+
+
+def _carried(program: Program) -> tuple[Solution, bool]:
+    """A minimum with what carries it, and whether there is no other."""
     answer = _answer(program)
     close = np.flatnonzero(program.rows @ answer - program.heights <= _CLOSE)
     multipliers, unbalanced = nnls(
@@ -58,10 +73,10 @@ def solved(program: Program) -> Solution:
     carrying = close[multipliers > _ZERO]
     rows = program.rows[carrying]
     exact = answer + np.linalg.lstsq(rows, program.heights[carrying] - rows @ answer, rcond=None)[0]
+    alone = bool(np.linalg.matrix_rank(rows) == len(answer))
     if unbalanced > _EXACT or np.any(program.rows @ exact - program.heights < -_EXACT):
-        return Solution(answer, close)
-    unique = np.linalg.matrix_rank(rows) == len(answer)
-    return Solution(exact, carrying if unique else close)
+        return Solution(answer, close), alone
+    return Solution(exact, carrying), alone
 
 
 def _answer(program: Program) -> Array:

@@ -34,9 +34,10 @@ class RecordedPairs:
 
     The recording is the independent unit. Recordings of one place are put in random order and taken
     two by two; of each two, one pair of stretches whose starts lie within the radius of each other
-    is drawn at random, and two recordings without such stretches give no pair. Nothing of this
-    looks at what came after the starts. Where recordings are independent and alike, the pairs are
-    independent draws of one distribution, which `distribution` names.
+    is drawn at random, and two recordings without such stretches give no pair. The pairs are put in
+    random order, so that those held out are not of other places than those learned from. Nothing of
+    this looks at what came after the starts. Where recordings are independent and alike, the pairs
+    are independent draws of one distribution, which `distribution` names.
     """
 
     names: tuple[str, ...]
@@ -81,6 +82,7 @@ class RecordedPairs:
                 f"{_said(names, radius)} of a common state, got {count} recordings and no such "
                 "pair; widen --radius, shorten --horizon or record more"
             )
+        rng.shuffle(pairs)
         both = PairRuns(np.array([a for a, _ in pairs]), np.array([b for _, b in pairs]))
         return cls(tuple(names), times, tuple(map(float, radius)), what, count, both)
 

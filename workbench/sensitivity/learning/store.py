@@ -61,9 +61,11 @@ class PairStore:
         """The first `count` pairs of a block; None where they are not there."""
         try:
             both = np.load(self._path(number), allow_pickle=False)
+            if both.ndim != 4 or len(both) != 2:
+                raise ValueError(f"it holds an array of shape {both.shape}")
         except FileNotFoundError:
             return None
-        except (OSError, ValueError) as error:
+        except (OSError, EOFError, ValueError) as error:
             raise InputError(
                 f"{self._path(number)}: expected a block of pairs as it was written ({error}); "
                 "delete this file, it is then drawn again"
