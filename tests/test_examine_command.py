@@ -125,6 +125,29 @@ def test_a_function_is_examined_by_samples_and_says_so(tmp_path: Path) -> None:
     assert "nothing to replay" in invoke("examine", *words, "--replay", file).err
 
 
+def test_a_function_that_ends_its_process_does_not_end_the_trial_in_silence(
+    tmp_path: Path,
+) -> None:
+    file, mode = tmp_path / "leaves.py", tmp_path / "mode"
+    mode.write_text("stay")
+    file.write_text(
+        "import os\nimport pathlib\n\n\n"
+        "def run(state, times, seed):\n"
+        "    if (pathlib.Path(__file__).parent / 'mode').read_text() == 'leave':\n"
+        "        os._exit(0)\n"
+        "    return [[state[0] * (1.0 + t)] for t in times]\n"
+    )
+    start = ("--start", "a", "0.5", "1", *GRID)
+    words, saved = ("--from", f"{file}:run", *start), tmp_path / "learned.json"
+    assert invoke("learn", *words, "--pairs", "20", "--save", saved).status == 0
+    mode.write_text("leave")
+    out = tmp_path / "out"
+    left = invoke("examine", *words, "--learned", saved, "--samples", "20", "--out", out)
+    assert left.status == 2
+    assert "what it ran ended it" in left.err
+    assert not out.exists() or not any(out.iterdir())
+
+
 def test_a_spoilt_witness_of_a_function_is_refused(tmp_path: Path) -> None:
     words, out = _function(tmp_path), tmp_path / "out"
     invoke("examine", *words, "--pairs", "20", "--samples", "20", "--out", out)

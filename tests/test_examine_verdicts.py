@@ -292,3 +292,28 @@ def test_a_lie_at_the_very_start_is_found() -> None:
     assert outcome.witness is not None
     assert outcome.witness.time_s == 0.0
     assert outcome.witness.replay(_linear()) == pytest.approx(0.2)
+
+
+@dataclass(frozen=True)
+class _Shrinking:
+    """A tenth of the initial distance, whatever the time."""
+
+    def half_widths(self, initial: tuple[float, ...], t_s: float) -> tuple[float, ...]:
+        """At every time but the first."""
+        return tuple((0.1 if t_s > 0.0 else 1.0) * width for width in initial)
+
+
+@pytest.mark.parametrize("method", [_CENTRE, _PAIRS])
+def test_runs_that_end_beyond_all_numbers_do_not_hide_a_witness(method: Examiner) -> None:
+    """Half of the set blows up, the other half stays near where it began."""
+    x = ca.SX.sym("x")
+    system = system_from_casadi(x, 1e3 * ca.fmax(0.0, x - 0.5) ** 3, ("x",))
+    claim = dataclasses.replace(_claim(1.0), names=("x",), growth=_Shrinking())
+    found = cross_examine(
+        system, initial_set=Box(("x",), (-1.0,), (1.5,)), horizon_s=2.0, learned=claim,
+        proved=(), method=dataclasses.replace(method, closer=False),
+    )  # fmt: skip
+    assert np.isinf([each.worst_ratio for each in found.coverage]).any()
+    assert found.verdict is ExaminationVerdict.REFUTED
+    assert found.witness is not None
+    assert math.isfinite(found.witness.distance)

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import dataclasses
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -173,18 +170,13 @@ def _simulated(args: argparse.Namespace, folder: Path) -> Outcome:
     else:
         check_published(args)
         learned = learned_from(args, source)
-    # What a function prints must not spoil what this command prints.
-    with (
-        Progress("examining", _runs(args, len(source.names))) as progress,
-        contextlib.redirect_stdout(sys.stderr),
-    ):
+    with Progress("examining", _runs(args, len(source.names))) as progress:
         found = cross_examine_simulator(
             simulator,
             initial_set=box,
             learned=learned,
             method=_examiner(args, "SAMPLED", rounds=0),
-            # Processes of its own for every batch would cost more than most runs.
-            workforce=dataclasses.replace(source.workforce, isolated=False),
+            workforce=source.workforce,
             ran=progress.advance,
         )
     witness = found.witness
@@ -255,6 +247,7 @@ def _replay(args: argparse.Namespace) -> int:
     from workbench.cli.examine_text import told
     from workbench.cli.examine_witness import load_simulated
     from workbench.cli.learned_file import load_witness
+    from workbench.sensitivity.learning.by_workers import ByWorkers
     from workbench.sensitivity.witness import AnyWitness
 
     witness: AnyWitness
@@ -265,7 +258,8 @@ def _replay(args: argparse.Namespace) -> int:
     else:
         source: Source = chosen_source(args)
         witness = load_simulated(args.replay, source)
-        distance, error = witness.replay(_simulator(source)[0]), 0.0
+        replayed = ByWorkers(_simulator(source)[0], source.workforce)
+        distance, error = witness.replay(replayed), 0.0
     refutes = distance - error > witness.bound
     outcome = "refuted" if refutes else "not refuted by this pair"
     text = f"{told(witness)}\nreplayed: the distance is {distance!r}; the bound is {outcome}"

@@ -58,7 +58,9 @@ class Pairs:
             np.concatenate([self.first, self.second]),
             np.concatenate([self.parameters, self.parameters]),
         )
-        return np.asarray(runs[count:] - runs[:count])
+        # Two runs that left the finite numbers have no difference.
+        with np.errstate(invalid="ignore", over="ignore"):
+            return np.asarray(runs[count:] - runs[:count])
 
 
 def joined(parts: list[Pairs]) -> Pairs:

@@ -36,6 +36,8 @@ Confirm = Callable[[Pairs, int, float], AnyWitness | None]
 
 # Instants per coordinate at which a pair is run again before the bound is let go.
 _TRIES = 5
+# Shares of all that breaks the bound, in the order of by how much.
+_LESSER = (0.75, 0.5, 0.25)
 # Instants at which the bound is evaluated for every closer pair's own distances.
 _OWN_INSTANTS = 24
 # At t = 0 the two sides are the same number up to its last digit.
@@ -102,12 +104,12 @@ def examined(
     sampled = np.fmax.reduce(np.abs(differences), axis=0)
     found, its = pressed(trial, pairs=pairs, differences=differences, bound=bound, method=method)
     pool, distances = joined([pairs, found]), np.abs(np.concatenate([differences, its]))
-    witness = _witness(pool, ratios(distances, bound), times, confirm)
+    witness = _witness(pool, _shown(distances, ratios(distances, bound)), times, confirm)
     if method.closer:
         closer = closer_pairs(trial, method)
-        rows, own = _own_ratios(closer, trial, learned)
+        rows, apart, own = _own_ratios(closer, trial, learned)
         coverage.append(_coverage(CLOSER, own))
-        witness = witness or _witness(closer, own, times[rows], confirm)
+        witness = witness or _witness(closer, _shown(apart, own), times[rows], confirm)
     reached = np.fmax.reduce(distances, axis=0)
     curves = tuple(_curve(p, trial, learned=bound, reached=reached, method=method) for p in proved)
     return Examination(
@@ -140,14 +142,20 @@ def _verdict(witness: AnyWitness | None, curves: tuple[ProvedCurve, ...]) -> Exa
     return ExaminationVerdict.CONSISTENT
 
 
-def _own_ratios(pairs: Pairs, trial: Trial, learned: Discrepancy) -> tuple[Array, Array]:
-    """Instants' numbers (M,) and distance / bound of the own initial distances (N, M, n)."""
+def _shown(distances: Array, found: Array) -> Array:
+    """The ratios that a witness can show: 0 where a run left the finite numbers."""
+    return np.where(np.isfinite(distances), found, 0.0)
+
+
+def _own_ratios(pairs: Pairs, trial: Trial, learned: Discrepancy) -> tuple[Array, Array, Array]:
+    """Instants' numbers (M,), distances and distance / bound of the own initial distances, both (N,
+    M, n)."""
     last = len(trial.times) - 1
     rows = np.unique(np.linspace(0, last, min(_OWN_INSTANTS, last + 1)).astype(int))
     distances = np.abs(pairs.differences(trial.flow))[:, rows]
     gaps = own_distances(pairs).tolist()
     bound = np.array([[learned.radius(gap, t) for t in trial.times[rows].tolist()] for gap in gaps])
-    return rows, ratios(distances, bound)
+    return rows, distances, ratios(distances, bound)
 
 
 def _coverage(group: str, found: Array) -> Coverage:
@@ -166,16 +174,26 @@ def _witness(pairs: Pairs, found: Array, times: Array, confirm: Confirm) -> AnyW
     """The confirmed witness with the largest distance / bound among a few tries per coordinate."""
     candidates = []
     for i in range(found.shape[2]):
-        column = found[:, :, i]
-        for k in np.argsort(-column.max(axis=0), kind="stable")[:_TRIES].tolist():
-            row = int(column[:, k].argmax())
-            if column[row, k] <= 1.0:
-                break
+        for row, k in _tries(found[:, :, i]):
             witness = confirm(pairs.take(np.array([row])), i, float(times[k]))
             if witness is not None:
                 candidates.append(witness)
                 break
     return max(candidates, key=lambda w: w.distance / max(w.bound, 1e-300), default=None)
+
+
+def _tries(column: Array) -> list[tuple[int, int]]:
+    """Pairs and instants that break the bound: the worst pair of the worst instants; then some that
+    break it by less, as the worst may be runs on their way out of all numbers."""
+    worst = np.argsort(-column.max(axis=0), kind="stable")[:_TRIES]
+    rows = column[:, worst].argmax(axis=0)
+    tries = [(int(row), int(k)) for row, k in zip(rows, worst, strict=True) if column[row, k] > 1.0]
+    breaking = np.flatnonzero(column > 1.0)
+    ordered = breaking[np.argsort(column.ravel()[breaking], kind="stable")]
+    for share in _LESSER if len(ordered) else ():
+        row, k = np.unravel_index(ordered[int(share * (len(ordered) - 1))], column.shape)
+        tries.append((int(row), int(k)))
+    return tries
 
 
 def _curve(

@@ -15,8 +15,9 @@ from workbench.sensitivity.discrepancy import Discrepancy
 from workbench.sensitivity.examination import Examination, Examiner
 from workbench.sensitivity.examine import examined
 from workbench.sensitivity.examine_pairs import Trial
-from workbench.sensitivity.learning.drawing import Drawing, Workforce
-from workbench.sensitivity.learning.pairs import PairRuns, Simulator
+from workbench.sensitivity.learning.by_workers import ByWorkers
+from workbench.sensitivity.learning.drawing import Workforce
+from workbench.sensitivity.learning.pairs import Simulator
 from workbench.sensitivity.vectorised import Array, Index
 from workbench.sensitivity.witness import SimulatedWitness, own_bound
 from workbench.sets.box import Box
@@ -29,66 +30,15 @@ _SEEDS = 2**53
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class _Listed:
-    """Runs in two halves of given states, as a source of pairs: who draws them is decided there."""
-
-    simulator: Simulator
-    states: Array
-    seeds: Array
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the simulator."""
-        return self.simulator.names
-
-    @property
-    def times(self) -> Array:
-        """Of the simulator."""
-        return self.simulator.times
-
-    @property
-    def scale(self) -> Array:
-        """Of no meaning here."""
-        return np.zeros(len(self.names))
-
-    @property
-    def distribution(self) -> str:
-        """None: the states are chosen."""
-        return "chosen pairs"
-
-    @property
-    def most(self) -> int | None:
-        """All there are."""
-        return len(self.states) // 2
-
-    def block(self, start: int, count: int) -> PairRuns:
-        """As `PairSource` says; runs that leave the finite numbers are passed on."""
-        half = len(self.states) // 2
-        rows = np.arange(start, start + count)
-        both = np.concatenate([rows, rows + half])
-        runs = self.simulator.runs(self.states[both], self.seeds[both].astype(np.uint64))
-        return PairRuns(runs[:count], runs[count:])
-
-
-@final
-@dataclass(frozen=True, slots=True, eq=False)
 class _BlackBox:
     """Runs and, by central differences inside `box`, slopes."""
 
-    simulator: Simulator
+    simulator: ByWorkers
     box: Box
-    workforce: Workforce
-    ran: Callable[[int], None] | None
 
     def runs(self, initial_states: Array, parameters: Array) -> Array:
         """As `ascent.Runs` says, for an even number of rows; parameters: the seeds."""
-        listed = _Listed(self.simulator, initial_states, parameters[:, 0])
-        half = len(initial_states) // 2
-        if not half:
-            return np.empty((0, len(self.simulator.times), len(self.simulator.names)))
-        with Drawing(listed, half, self.workforce, drawn=self.ran) as pairs:
-            found = pairs.block(0, half)
-        return np.concatenate([found.first, found.second])
+        return self.simulator.runs(initial_states, parameters[:, 0].astype(np.uint64))
 
     def slopes(
         self, initial_states: Array, parameters: Array, coordinate: Index, instant: Index
@@ -147,8 +97,10 @@ def cross_examine_simulator(
             f"{learned.horizon_s:g} s; simulate no further"
         )
     box = initial_set.reordered(names)
+    elsewhere = ByWorkers(simulator, workforce, ran)
+    again = ByWorkers(simulator, workforce)
     trial = Trial(
-        _BlackBox(simulator, box, workforce, ran),
+        _BlackBox(elsewhere, box),
         box,
         simulator.times,
         lambda count, rng: rng.integers(_SEEDS, size=(count, 1)).astype(float),
@@ -160,8 +112,8 @@ def cross_examine_simulator(
         first, second = tuple(pair.first[0].tolist()), tuple(pair.second[0].tolist())
         seed = int(pair.parameters[0, 0])
         found = SimulatedWitness(first, second, seed, time_s, names[coordinate], 0.0, bound)
-        distance = found.replay(simulator)
-        if not (distance > bound and found.replay(simulator) == distance):
+        distance = found.replay(again)
+        if not (distance > bound and found.replay(again) == distance):
             return None
         return dataclasses.replace(found, distance=distance)
 

@@ -248,5 +248,5 @@ def _end(pool: ProcessPoolExecutor) -> None:
     """Now: whatever is under way is not needed any more."""
     for worker in list((pool._processes or {}).values()):
         with contextlib.suppress(OSError, ValueError):
-            worker.terminate()
+            worker.kill()
     pool.shutdown(wait=True, cancel_futures=True)

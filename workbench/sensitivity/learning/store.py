@@ -40,6 +40,7 @@ class PairStore:
         try:
             if manifest.exists():
                 store._require(wanted)
+                (folder / "pairs").mkdir(exist_ok=True)
                 store._clear()
                 return store
             if folder.exists() and any(folder.iterdir()):
@@ -47,9 +48,11 @@ class PairStore:
                     f"{folder}: expected a folder of drawn pairs or an empty one, got other files; "
                     "name another with --resume"
                 )
-            (folder / "pairs").mkdir(parents=True, exist_ok=True)
+            folder.mkdir(parents=True, exist_ok=True)
             text = json.dumps(wanted, indent=2, sort_keys=True) + "\n"
             _write(manifest, text.encode())
+            # After the manifest: a folder that has only that is one to go on with.
+            (folder / "pairs").mkdir()
         except OSError as error:
             raise InputError(
                 f"{folder}: expected a folder that can be written ({error.strerror}); name another "
