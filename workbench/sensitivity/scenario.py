@@ -45,7 +45,7 @@ def judged_bound(pairs: int, *, delta: float, support: int) -> float:
     JMLR 24, 2023, whose epsilon is no larger.
 
     >>> round(judged_bound(1000, delta=1e-6, support=2), 4)
-    0.0248
+    0.0222
     """
     if support < 0:
         raise InputError(f"expected a number of pairs >= 0 as support, got {support}")
