@@ -18,7 +18,8 @@ from workbench.cli.main import main
 from workbench.errors import InputError
 from workbench.simulation.campaign.contenders import CONTENDERS
 from workbench.simulation.campaign.hunting import load_catches
-from workbench.simulation.campaign.store import PART, Store
+from workbench.simulation.campaign.parts import PART
+from workbench.simulation.campaign.store import Store
 from workbench.simulation.campaign.workers import workers
 
 pytest.importorskip("pyarrow")

@@ -172,6 +172,6 @@ def import_parquet() -> None:
         import pyarrow.parquet  # noqa: F401
     except ImportError as error:
         raise InputError(
-            "a survey's results are Parquet files, which need the study extra: pip install "
+            "results are stored as Parquet files, which need the study extra: pip install "
             "'reach-workbench[study]'"
         ) from error

@@ -12,9 +12,10 @@ from typing import Any, Final, final
 
 from workbench.errors import InputError
 from workbench.simulation.campaign.contenders import Field
+from workbench.simulation.campaign.parts import write_whole
 from workbench.simulation.campaign.rows import Row, drive_all, trial_of
 from workbench.simulation.campaign.sampled import DIMENSIONS, FAMILY, SampledScenario
-from workbench.simulation.campaign.store import Store, write_whole
+from workbench.simulation.campaign.store import Store
 from workbench.simulation.campaign.surveying import rigs_of
 from workbench.simulation.campaign.workers import Workers
 

@@ -7,30 +7,24 @@ parts/PLANT/FIRST-LAST.parquet          rows of all contenders for these indices
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import hashlib
 import json
-import os
-import re
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, final
+from typing import Any, final
 
 from workbench import __version__
 from workbench.errors import InputError
 from workbench.models.vehicle import Vehicle, load_vehicle
 from workbench.runtime import load_bundle
 from workbench.simulation.campaign.contenders import LONG, horizons_s
+from workbench.simulation.campaign.parts import Parts, write_whole
 from workbench.simulation.campaign.rows import Row
 from workbench.simulation.campaign.sampled import DIMENSIONS, FAMILY
 from workbench.simulation.rig import Rig
 from workbench.simulation.simulated import build_rig, simulated_path, simulated_sensors
-
-PART: Final = 16
-"""Indices per part, at most."""
-_NAME: Final = re.compile(r"(\d{7})-(\d{7})\.parquet")
 
 
 @final
@@ -135,43 +129,20 @@ class Store:
 
     def missing(self, plant: str, count: int) -> list[range]:
         """Indices below count that were not driven yet, in parts."""
-        done: set[int] = set()
-        for path in self._parts(plant):
-            first, last = _named(path)
-            done.update(range(first, last + 1))
-        left = [k for k in range(count) if k not in done]
-        parts: list[range] = []
-        for k in left:
-            if parts and parts[-1].stop == k and len(parts[-1]) < PART and k % PART:
-                parts[-1] = range(parts[-1].start, k + 1)
-            else:
-                parts.append(range(k, k + 1))
-        return parts
+        return self._parts(plant).missing(count)
 
     def driven(self, plant: str) -> bool:
         """Whether there is any result for a plant."""
-        return bool(self._parts(plant))
+        return bool(self._parts(plant).files())
 
     def write(self, plant: str, indices: range, rows: Sequence[Row]) -> None:
         """One part, whole or not at all."""
-        import pyarrow
-        import pyarrow.parquet
-
-        table = pyarrow.Table.from_pylist([dataclasses.asdict(row) for row in rows])
-        name = f"{indices.start:07d}-{indices.stop - 1:07d}.parquet"
-        with _replacing(self.folder / "parts" / plant / name) as beside:
-            pyarrow.parquet.write_table(table, beside)
+        self._parts(plant).write(indices, [dataclasses.asdict(row) for row in rows])
 
     def rows(self) -> list[Row]:
         """All that is there, by plant, index and contender."""
-        import pyarrow.parquet
-
-        found = []
-        for place in sorted((self.folder / "parts").glob("*")):
-            for path in self._parts(place.name):
-                table = pyarrow.parquet.ParquetFile(path).read()
-                found += [Row(**row) for row in table.to_pylist()]
-        return found
+        places = sorted((self.folder / "parts").glob("*"))
+        return [Row(**row) for place in places for row in self._parts(place.name).rows()]
 
     @property
     def _manifest(self) -> Path:
@@ -180,9 +151,8 @@ class Store:
     def _bundle(self, horizon_s: float) -> Path:
         return self.folder / "bundles" / f"{horizon_s:g}s"
 
-    def _parts(self, plant: str) -> list[Path]:
-        found = (self.folder / "parts" / plant).glob("*.parquet")
-        return sorted(path for path in found if _NAME.fullmatch(path.name))
+    def _parts(self, plant: str) -> Parts:
+        return Parts(self.folder / "parts" / plant)
 
     def _require(self, wanted: Manifest) -> None:
         found = self.manifest()
@@ -193,27 +163,3 @@ class Store:
                     f"{self.folder}: expected the {each.name} it was begun with, {was!r}, got "
                     f"{is_!r}; results must not be mixed, so name another folder with --out"
                 )
-
-
-def _named(path: Path) -> tuple[int, int]:
-    found = _NAME.fullmatch(path.name)
-    assert found is not None, path
-    return int(found[1]), int(found[2])
-
-
-@contextlib.contextmanager
-def _replacing(target: Path) -> Iterator[Path]:
-    """A path beside the target, which takes its place where the block succeeds."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    beside = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        yield beside
-        os.replace(beside, target)
-    finally:
-        beside.unlink(missing_ok=True)
-
-
-def write_whole(target: Path, text: str) -> None:
-    """Text, whole or not at all; missing folders are made."""
-    with _replacing(target) as beside:
-        beside.write_text(text, encoding="utf-8")
