@@ -2,8 +2,8 @@
 that is narrower by 5 % after 3 s than with the present gains.
 
 The sweep is that of `workbench gains sweep`. What it found is held against python-control, from the
-vehicle file that it would write. Run with Python (extras `analysis`, `study`); an argument names a
-folder that keeps the sweep. It fails when the claim does.
+vehicle file that it would write. Run with Python (extras `analysis`, `study`); an argument names
+the picture. It fails when the claim does.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from __future__ import annotations
 import sys
 import tempfile
 from pathlib import Path
+
+from matplotlib.figure import Figure
 
 from workbench.models.control_view import margins
 from workbench.models.gains import LateralLoop, Reason, conditions
@@ -60,12 +62,32 @@ def check(store: SweepStore, found: Verdict) -> str:
     )
 
 
-def main(folder: Path | None) -> str:
-    """Model, analysis, claim."""
-    if folder is not None:
-        return check(*analyse(folder))
+def plot(found: Verdict, picture: Path) -> None:
+    """Width against settling of every choice; present and recommended ones stand out."""
+    assert found.best is not None
+    canvas = Figure(figsize=(7.0, 4.5), layout="constrained")
+    axes = canvas.add_subplot()
+    for points, marker, label in (
+        (found.points, ".", "all choices"), (found.front, "o", "the front"),
+        ([found.present], "s", "present gains"), ([found.best], "*", "recommended"),
+    ):  # fmt: skip
+        x, y = ([p.figures[name] for p in points] for name in ("settling_s", WIDTH))
+        axes.scatter(x, y, marker=marker, label=label, s=90)
+    axes.set_xlabel("settling time (s)")
+    axes.set_ylabel("proved lateral half width at 3 s (m)")
+    axes.grid(alpha=0.3)
+    axes.legend()
+    canvas.savefig(picture, dpi=120)
+
+
+def main(picture: Path | None) -> str:
+    """Model, analysis, claim, plot."""
     with tempfile.TemporaryDirectory() as place:
-        return check(*analyse(Path(place) / "sweep"))
+        store, found = analyse(Path(place) / "sweep")
+        claim = check(store, found)
+    if picture is not None:
+        plot(found, picture)
+    return claim
 
 
 if __name__ == "__main__":

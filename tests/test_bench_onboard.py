@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("casadi", reason="needs the optional package casadi")
 
-from workbench.bench import onboard_board, onboard_programs
+from workbench.bench import onboard_board, onboard_memory, onboard_programs
 from workbench.bench.onboard_board import OnboardBoard, OnboardPlan
 from workbench.bench.onboard_bundle import build_driving
 from workbench.bench.onboard_heap import KINDS, heap
@@ -263,3 +263,10 @@ def test_the_operator_asks_for_what_the_state_needs() -> None:
     assert asked(State.YIELDED) is Request.REARM
     assert asked(State.TRACKING) is None
     assert Operator().asks(None) is None
+
+
+def test_memory_of_the_whole_core_may_not_grow(board: OnboardBoard) -> None:
+    flat = replace(board.turns[-1], marks=((1, 1.0), (100, 9.0), (1000, 9.5)))
+    assert "9.50 MiB at 100 %" in onboard_memory.check(flat)
+    with pytest.raises(AssertionError, match=r"\+1\.50 MiB"):
+        onboard_memory.check(replace(flat, marks=((1, 1.0), (100, 8.0), (1000, 9.5))))
