@@ -12,7 +12,7 @@ from cli_fixture import invoke
 from guard_walkers import crowd
 from motion_cases import write_peds
 
-from workbench.estimation.guard_scores import guard_lines, guard_table
+from workbench.estimation.guard_scores import fit_folder, guard_lines, guard_table
 from workbench.estimation.guard_shipped import shipped_guards
 from workbench.estimation.guard_violations import violation_lines, violation_table
 from workbench.estimation.motion_parameters import shipped_motion
@@ -33,6 +33,28 @@ def test_the_guard_is_scored(folder: Path, choice: str) -> None:
     assert (found.status, found.out) == (
         0, "\n".join(guard_lines(guard_table(folder, fit=fit))) + "\n"
     )  # fmt: skip
+
+
+def test_a_guard_fitted_at_one_place_is_judged_at_another(tmp_path: Path) -> None:
+    people = crowd(3, 2, 4, MotionLimits(2.0, 1.0))
+    first = people[0].recording
+    parts = {
+        "all": people,
+        "first": [each for each in people if each.recording == first],
+        "others": [each for each in people if each.recording != first],
+    }
+    for name, part in parts.items():
+        (tmp_path / name).mkdir()
+        write_peds(tmp_path / name, part)
+    found = invoke("intent", tmp_path / "all", "--score", "guard", "--fit-on", first)
+    table = guard_table(tmp_path / "others", fit=fit_folder(tmp_path / "first"))
+    assert (found.status, found.out) == (0, "\n".join(guard_lines(table)) + "\n")
+
+
+@pytest.mark.parametrize("options", [("guard", "no*"), ("guard", "*"), ("motion", "*")])
+def test_recordings_to_fit_on_leave_others_to_judge(folder: Path, options: tuple[str, str]) -> None:
+    found = invoke("intent", folder, "--score", options[0], "--fit-on", options[1])
+    assert (found.status, "expected" in found.err) == (2, True)
 
 
 def test_contradictions_are_counted(folder: Path) -> None:

@@ -36,6 +36,7 @@ workbench intent recordings/ucy --answers queries.csv --out answers.csv
 workbench intent recordings/yard --learn-goals yard-goals.csv
 workbench intent recordings/ucy --fit out/motion.toml
 workbench intent recordings/kitti --score guard
+workbench intent recordings/ucy --score guard --fit-on 'ucy_zara*'
 """
 
 _NO_LABELS: Final = "no usable row of goal_labels.csv: nothing to score"
@@ -104,6 +105,8 @@ def _check(args: argparse.Namespace) -> None:
     given = ["--" + name.replace("_", "-") for name in tasks if getattr(args, name) is not None]
     if args.credit and args.fit is None:
         raise InputError("--credit: expected --fit FILE beside it, whose provenance it becomes")
+    if args.fit_on and args.score != "guard":
+        raise InputError("--fit-on: expected --score guard beside it, which it is about")
     if args.score != SCORES[0]:
         given.append(f"--score {args.score}")
     if len(given) > 1:

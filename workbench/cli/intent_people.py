@@ -21,6 +21,13 @@ def add_score_option(parser: argparse.ArgumentParser) -> None:
         "guard-shipped: the same of the shipped guards; guard-violations: how often the guards of "
         "one person contradict each other (default: goals)",
     )
+    parser.add_argument(
+        "--fit-on",
+        nargs="+",
+        metavar="NAME",
+        help="with --score guard: fit to these recordings (* and ? as in file names) and judge the "
+        "others, as at a place that was never seen",
+    )
 
 
 def run_score(args: argparse.Namespace) -> int:
@@ -41,13 +48,16 @@ def _motion(args: argparse.Namespace) -> tuple[str, dict[str, object]]:
 
 
 def _guard(args: argparse.Namespace) -> tuple[str, dict[str, object]]:
-    from workbench.estimation.guard_scores import guard_lines, guard_table
+    from workbench.estimation.guard_scores import guard_lines, guard_table, guard_table_elsewhere
     from workbench.estimation.guard_shipped import shipped_guards
     from workbench.estimation.guard_violations import violation_lines, violation_table
 
     if args.score == "guard-violations":
         counts = violation_table(args.folder)
         return "\n".join(violation_lines(counts)), {"violations": counts}
-    fit = shipped_guards() if args.score == "guard-shipped" else None
-    scores = guard_table(args.folder, fit=fit)
+    if args.fit_on:
+        scores = guard_table_elsewhere(args.folder, args.fit_on)
+    else:
+        fit = shipped_guards() if args.score == "guard-shipped" else None
+        scores = guard_table(args.folder, fit=fit)
     return "\n".join(guard_lines(scores)), {"guard": scores}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fnmatch
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -77,6 +79,32 @@ def guard_table(folder: Path, *, fit: GuardFit | None = None) -> tuple[GuardScor
 def fit_folder(folder: Path) -> GuardFit:
     """The guards fitted to all recordings of a folder: 99.9 % of the positions inside."""
     return fit_guard(load_tracks(folder), load_measured(folder), inside=INSIDE)
+
+
+def guard_table_elsewhere(folder: Path, patterns: Sequence[str]) -> tuple[GuardScore, ...]:
+    """Scores on the recordings that no pattern names, of the guard fitted to those that one does.
+
+    patterns: names, or with `*` and `?` as in file names. Raises InputError where they name none or
+    leave none.
+    """
+    tracks, measured = load_tracks(folder), load_measured(folder)
+    names = list(by_recording(tracks))
+    idle = [each for each in patterns if not fnmatch.filter(names, each)]
+    fitted = {name for each in patterns for name in fnmatch.filter(names, each)}
+    if idle or fitted.issuperset(names):
+        raise InputError(
+            f"expected names of recordings to fit to that leave others to judge, got "
+            f"{', '.join(idle or patterns)}; the folder has {', '.join(names[:20])}"
+        )
+    there = [track.recording in fitted for track in tracks]
+    fit = fit_guard(_where(tracks, there), _where(measured, there), inside=INSIDE)
+    left = [not each for each in there]
+    fits = dict.fromkeys(names, fit)
+    return tuple(_scores(_where(tracks, left), _where(measured, left), fits))
+
+
+def _where(tracks: Sequence[PersonTrack], which: Sequence[bool]) -> list[PersonTrack]:
+    return list(itertools.compress(tracks, which))
 
 
 def held_out_fits(
