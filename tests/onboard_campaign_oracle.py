@@ -165,12 +165,16 @@ class Vehicle:
 @dataclass
 class Chain:
     """Frames of one kind of set, in the order in which they may count: whole tells the set's
-    header once nothing is missing, in order, of one SET, with nothing illegal between."""
+    header once nothing is missing, in order, of one SET, with nothing illegal between.
+
+    ahead: SET and STAMP of the newest header that may be believed: SET goes on by less than half of
+    its range, STAMP grows."""
 
     header: int
     parts: tuple[int, ...]
     frames: list[tuple[int, bytes]] = field(default_factory=list)
     last: tuple[int, bytes] | None = None
+    ahead: tuple[int, int] | None = None
 
     def take(self, number: int, data: bytes) -> None:
         if number != self.header and number not in self.parts:
@@ -181,11 +185,21 @@ class Chain:
         if illegal(number, data):
             self.frames = []
         elif number == self.header:
-            self.frames = [(number, data)]
+            self.frames = [(number, data)] if self._goes_on(data) else []
         elif self.frames and (number, data[0]) == (self._next(), self.frames[0][1][0]):
             self.frames.append((number, data))
         else:
             self.frames = []
+
+    def _goes_on(self, data: bytes) -> bool:
+        word, fields = int.from_bytes(data, "big"), ALL[self.header].fields
+        number, stamp = fields["SET"].raw(word), fields["STAMP"].raw(word)
+        if self.ahead is not None:
+            of, at = self.ahead
+            if not 0 < (number - of) % 256 < 128 or stamp <= at:
+                return False
+        self.ahead = number, stamp
+        return True
 
     def _next(self) -> int:
         return self.parts[(len(self.frames) - 1) % len(self.parts)]
