@@ -37,7 +37,7 @@ ONBOARD: Final = (
     "faults", "found_on_bus", "found_in_car", "following", "watching", "arming", "last_resort",
     "gate", "found_in_intents", "way_tubes", "ways",
 )  # fmt: skip
-DECISION_CORE: Final = ("judgement", "monitor", "observation", "decision")
+DECISION_CORE: Final = ("judgement", "monitor", "observation", "decision", "grounds")
 TESTS: Final = (
     "test_policies_*", "test_can_*", "test_actuation_laws", "test_actuation_edges",
     "test_onboard_core*", "test_onboard_commands*", "test_onboard_faults", "test_onboard_found_*",
@@ -47,7 +47,8 @@ TESTS: Final = (
     "test_onboard_last_resort", "test_onboard_limits",
     "test_onboard_pid*", "test_onboard_intake_sets", "test_onboard_states*", "test_onboard_turns",
     "test_onboard_campaign_causes", "test_runtime_decisions", "test_runtime_fail_safe",
-    "test_runtime_judgement", "test_runtime_monitor_*", "test_runtime_observation*",
+    "test_runtime_grounds", "test_runtime_judgement", "test_runtime_monitor_*",
+    "test_runtime_observation*",
     "test_runtime_roundings", "test_runtime_skew", "test_runtime_watched",
 )  # fmt: skip
 EXPLAINED: Final = "docs/mutation.md"

@@ -79,3 +79,8 @@ def test_nothing_and_all_of_the_budget_may_be_spent(spent: float) -> None:
 
 def test_without_rectangles_nothing_is_far() -> None:
     assert farthest_m((), Watched(3.0, 4.0, 1.0)) == 0.0
+
+
+def test_what_cannot_be_judged_says_its_reason_alone() -> None:
+    error = CannotJudgeError("too fast", Ground.REGION)
+    assert (str(error), error.ground) == ("too fast", Ground.REGION)
