@@ -21,7 +21,7 @@ from workbench.simulation.campaign.workers import InProcess
 from workbench.simulation.gain_sweep.deciding import Verdict, verdict
 from workbench.simulation.gain_sweep.store import SweepStore
 from workbench.simulation.gain_sweep.sweeping import sweep
-from workbench.simulation.gain_sweep.vehicle_text import with_steering_gains
+from workbench.simulation.gain_sweep.vehicle_text import with_written_gains
 
 # Specification
 STUDY = Path(__file__).with_suffix(".toml")
@@ -48,7 +48,7 @@ def check(store: SweepStore, found: Verdict) -> str:
     assert now <= (1.0 - NARROWER) * was, f"half width {now:.4g} m against {was:.4g} m"
     text = (store.folder / "vehicle.toml").read_text(encoding="utf-8")
     written = store.folder / "written.toml"
-    written.write_text(with_steering_gains(text, found.best.gains, "this study"), encoding="utf-8")
+    written.write_text(with_written_gains(text, found.best.gains, "this study"), encoding="utf-8")
     for speed_mps in {case.speed_mps for case in store.plan().cases}:
         loop = LateralLoop.of(load_vehicle(written), speed_mps=speed_mps)
         assert conditions(loop).reason() is Reason.STABLE

@@ -48,6 +48,21 @@ def study(folder: Path, old: str = "", new: str = "") -> Path:
     return file
 
 
+DRIVES = """
+[drives]
+scenarios = ["nobody_s_bend", "standing_far_beside"]
+seeds = [1, 2]
+finalists = 2
+"""
+
+
+def with_drives(folder: Path, extra: str = DRIVES, old: str = "", new: str = "") -> Path:
+    """The study's file with drives."""
+    file = study(folder, old, new)
+    file.write_text(file.read_text(encoding="utf-8") + extra, encoding="utf-8")
+    return file
+
+
 @functools.cache
 def vehicle() -> Vehicle:
     return load_vehicle(simulated_path())
@@ -56,7 +71,8 @@ def vehicle() -> Vehicle:
 RANGES = {
     "reference_speed": (0.5, 2.5), "look_ahead": (0.0, 12.0),
     "steering_gain_proportional": (0.0, 1.0), "steering_gain_derivative": (0.0, 2.0),
-    "steering_gain_integral": (0.0, 0.1),
+    "steering_gain_integral": (0.0, 0.1), "speed_gain_proportional": (0.2, 2.0),
+    "speed_gain_integral": (0.0, 0.5),
 }  # fmt: skip
 
 
@@ -68,6 +84,7 @@ def kernels() -> Kernels:
 
 def row(point: int, case: int = 0, **changed: object) -> dict[str, Any]:
     """A row in which every figure is 1."""
-    gains = {"kp": 0.1 * point, "ki": 0.0, "kd": 0.1, "look-ahead": 5.0}
+    gains = {"kp": 0.1 * point, "ki": 0.0, "kd": 0.1, "look-ahead": 5.0, "speed-kp": 0.6,
+             "speed-ki": 0.1}  # fmt: skip
     values = {"point": point, "case": case, "stable": True, **gains, **dict.fromkeys(FIGURES, 1.0)}
     return {**values, **changed}

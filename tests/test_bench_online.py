@@ -339,9 +339,9 @@ def test_the_frontier_draws_each_tube_and_the_stairs() -> None:
     figure = frontier_figure([Frontier("B1", points, {27: 1.01}, 4.0)], signal="y")
     assert figure.numbers is not None
     assert [row[4:] for row in figure.numbers.rows] == [[10.0, 1.5], [100.0, 1.0]]
-    assert [key.label for key in figure.legend][:2] == ["a", "b"]
+    assert [key.label for key in figure.legend][:2] == ["a: a", "b: b"]
     assert "● 0.1 s, ■ 0.05 s" in figure.caption
-    for text in (">1<", ">8<", ">27<", "log scale"):
+    for text in (">a1<", ">b8<", ">27<", "log scale"):
         assert text in figure.panels[0]
 
 

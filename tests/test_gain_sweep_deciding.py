@@ -12,12 +12,15 @@ from gain_sweep_cases import row, study, vehicle
 from hypothesis import given
 from hypothesis import strategies as st
 
+from workbench.cli import gains_front
 from workbench.errors import InputError
 from workbench.models.vehicle import load_vehicle
+from workbench.report import gain_front
 from workbench.simulation.gain_sweep.deciding import cost_rows, verdict
+from workbench.simulation.gain_sweep.gains import own_gains
 from workbench.simulation.gain_sweep.plan import Decision, load_plan
 from workbench.simulation.gain_sweep.points import points
-from workbench.simulation.gain_sweep.vehicle_text import with_steering_gains
+from workbench.simulation.gain_sweep.vehicle_text import with_written_gains
 from workbench.simulation.simulated import simulated_path
 
 TRADE = ("lateral_3s_m", "delay_margin_s")
@@ -40,6 +43,26 @@ def test_the_front_is_what_nothing_beats(pairs: list[tuple[float, float]]) -> No
     assert {point.index for point in found.front} == expected
     assert found.best is not None
     assert costs[found.best.index] == min(costs)
+
+
+def test_gains_that_are_drawn_again_stand_once_on_the_front() -> None:
+    rows = [row(0, lateral_3s_m=3.0), row(1), row(2, kp=0.1), row(3)]
+    assert rows[2]["kp"] == rows[1]["kp"]
+    assert [point.index for point in verdict(rows, PLAIN).front] == [1, 3]
+
+
+def test_of_very_many_points_a_page_shows_the_front_and_some(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = verdict([row(k, lateral_3s_m=3.0 if k < 30 else 1.0) for k in range(31)], PLAIN)
+    assert len(gains_front.points_table(found).rows) == 31
+    monkeypatch.setattr(gains_front, "_MOST", 5)
+    table = gains_front.points_table(found)
+    assert [cells[0] for cells in table.rows] == [0, 1, 2, 3, 30]
+    assert "5 of 31 points" in table.caption
+    assert "is drawn" not in gain_front.front_figure(found).caption
+    monkeypatch.setattr(gain_front, "_MOST_DRAWN", 10)
+    assert "one in 4 is drawn" in gain_front.front_figure(found).caption
 
 
 def test_the_worst_case_counts() -> None:
@@ -85,7 +108,7 @@ def test_the_file_differs_in_the_gains_alone(tmp_path: Path) -> None:
     text = simulated_path().read_text(encoding="utf-8")
     gains = {"kp": 0.0125, "ki": 0.001, "kd": 0.3, "look-ahead": 7.5}
     written = tmp_path / "vehicle.toml"
-    written.write_text(with_steering_gains(text, gains, 'said "so"\nwith a \\'), encoding="utf-8")
+    written.write_text(with_written_gains(text, gains, 'said "so"\nwith a \\'), encoding="utf-8")
     found = load_vehicle(written)
     assert found.steering_pid.proportional_radps_per_m == 0.0125
     assert found.steering_pid.integral_radps_per_ms == 0.001
@@ -97,10 +120,24 @@ def test_the_file_differs_in_the_gains_alone(tmp_path: Path) -> None:
     assert before == after
 
 
+def test_speed_gains_are_written_where_they_change(tmp_path: Path) -> None:
+    text = simulated_path().read_text(encoding="utf-8")
+    own = own_gains(vehicle())
+    same = with_written_gains(text, own, "why")
+    before, after = tomllib.loads(text), tomllib.loads(same)
+    assert before["speed_pid"] == after["speed_pid"]
+    assert after["steering_pid"]["provenance"] == "why"
+    written = tmp_path / "vehicle.toml"
+    written.write_text(with_written_gains(text, own | {"speed-kp": 0.9}, "why"), encoding="utf-8")
+    found = load_vehicle(written)
+    assert own_gains(found) == own | {"speed-kp": 0.9}
+    assert found.speed_pid.provenance == "why"
+
+
 @pytest.mark.parametrize("text", ["[other]\na = 1\n", "steering_pid = { a = 1 }\n"])
 def test_a_file_without_the_section_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="section of its own"):
-        with_steering_gains(text, dict.fromkeys(("kp", "ki", "kd", "look-ahead"), 1.0), "why")
+        with_written_gains(text, dict.fromkeys(("kp", "ki", "kd", "look-ahead"), 1.0), "why")
 
 
 def test_points_are_the_same_by_index_and_in_their_ranges(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import control
 import numpy as np
 import pytest
 from gain_sweep_cases import kernels, vehicle
@@ -19,16 +20,17 @@ from workbench.models.gains.routh import Reason
 from workbench.models.system import Ode
 from workbench.runtime.policies.horizon import Timing
 from workbench.sets import Box
-from workbench.simulation.gain_sweep.kernels import PARAMETERS, RUN_STEP_S, STEP_S, Array, Tube
-from workbench.simulation.gain_sweep.margins import loop_score
+from workbench.simulation.gain_sweep.gains import as_parameters, with_gains
+from workbench.simulation.gain_sweep.kernels import RUN_STEP_S, STEP_S, Array, Tube
+from workbench.simulation.gain_sweep.margins import loop_score, speed_margins
 from workbench.simulation.gain_sweep.plan import Case, Start
 from workbench.simulation.gain_sweep.scores import (
     corners,
     inputs_of,
     score,
+    speed_figures,
     start_of,
     stopping_m,
-    with_gains,
 )
 
 GAINS = {"kp": 0.012, "ki": 0.0, "kd": 0.08, "look-ahead": 7.0}
@@ -37,8 +39,7 @@ CASE = Case(2.0, (0.04, 0.06), Start("narrow", 0.2, 0.5))
 
 def _tube(gains: dict[str, float], case: Case) -> Tube:
     changed = with_gains(vehicle(), gains, case.speed_mps)
-    parameters = {PARAMETERS[name]: value for name, value in gains.items()}
-    parameters["reference_speed"] = case.speed_mps
+    parameters = as_parameters(gains) | {"reference_speed": case.speed_mps}
     start = start_of(changed, case)
     return kernels().tube.tube(start, parameters, inputs_of(changed, case))
 
@@ -86,6 +87,43 @@ def test_margins_are_those_of_python_control(
     assert found.decay_per_s == pytest.approx(-loop.poles()[0].real)
 
 
+@given(kp=st.floats(0.05, 5.0), ki=st.sampled_from([0.0, 0.01, 0.3, 4.0]))
+def test_speed_margins_are_those_of_python_control(kp: float, ki: float) -> None:
+    known = margins(control.tf([kp, ki], [1, 0, 0]) if ki else control.tf([kp], [1, 0]))
+    found = speed_margins(kp, ki)
+    assert found.stable
+    assert found.phase_deg == pytest.approx(known.phase_margin_deg, rel=1e-6)
+    assert found.delay_margin_s == pytest.approx(known.delay_margin_s, rel=1e-6)
+
+
+@pytest.mark.parametrize(("kp", "ki"), [(0.0, 0.1), (-0.1, 0.0), (0.5, -0.01)])
+def test_a_speed_loop_that_is_not_stable_makes_the_point_so(kp: float, ki: float) -> None:
+    assert not speed_margins(kp, ki).stable
+    assert max(z.real for z in np.roots([1.0, kp, ki])) >= 0.0
+    found = score(kernels(), GAINS | {"speed-kp": kp, "speed-ki": ki}, CASE)
+    assert found["stable"] is False
+    assert found["reason"] == "speed loop"
+    assert math.isnan(float(found["speed_phase_deg"]))
+
+
+def test_speed_gains_are_inputs_of_tube_and_runs() -> None:
+    soft, firm = (
+        score(kernels(), GAINS | {"speed-kp": kp, "speed-ki": 0.0}, CASE) for kp in (0.3, 1.2)
+    )
+    assert float(firm["along_3s_m"]) < float(soft["along_3s_m"])
+    # Speeds begin 0.1 m/s off (half the file's radius) and fall like exp(- kp t).
+    for found, kp in ((soft, 0.3), (firm, 1.2)):
+        assert float(found["speed_settling_s"]) == pytest.approx(math.log(2.0) / kp, abs=0.051)
+        assert found["speed_overshoot_mps"] == 0.0
+
+
+def test_overshoot_is_seen_from_where_a_run_begins() -> None:
+    speeds = np.array([[2.5, 2.0, 1.7, 1.99], [1.5, 1.9, 2.02, 2.0]])
+    found = speed_figures(speeds, 2.0)
+    assert found["speed_overshoot_mps"] == pytest.approx(0.3)
+    assert found["speed_settling_s"] == pytest.approx(2 * RUN_STEP_S)
+
+
 def test_without_look_ahead_there_are_no_margins() -> None:
     found = loop_score(LateralLoop(1.75, 2.0, 0.0, 0.1, 0.0, 1.0))
     assert found.reason is Reason.NO_DAMPING
@@ -118,7 +156,7 @@ def test_runs_are_those_of_the_gain_study() -> None:
     x0 = np.zeros((1, 7))
     names = kernels().runs.ode.names
     x0[0, names.index("offset")], x0[0, names.index("speed")] = 0.4, 2.0
-    parameters = {PARAMETERS[k]: v for k, v in GAINS.items()} | {"reference_speed": 2.0}
+    parameters = as_parameters(GAINS) | {"reference_speed": 2.0}
     found = kernels().runs.runs(x0, parameters, 0.0)[0, :, names.index("offset")]
     every = round(RUN_STEP_S / 0.01)
     np.testing.assert_allclose(found[:101], known.offset_m[: 100 * every + 1 : every], atol=1e-6)
@@ -160,4 +198,7 @@ def test_a_score_says_what_is_not_reached() -> None:
     half = (tube.upper_at[k, offset] - tube.lower_at[k, offset]) / 2.0
     assert tame["lateral_2s_m"] == pytest.approx(half)
     assert tame["saturated"] == 0.0
+    assert tame["area_3s_m2"] == pytest.approx(
+        4.0 * float(tame["along_3s_m"]) * float(tame["lateral_3s_m"])
+    )
     assert float(tame["growth"]) > 1.0

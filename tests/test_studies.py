@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-LONG = ("changed_goals", "planted_lies")
-"""These take minutes; test_changed_goals.py and test_planted_lies.py have small versions."""
+LONG = ("changed_goals", "driven_gains", "planted_lies")
+"""These take minutes; test_changed_goals.py, test_gain_sweep_drives.py and test_planted_lies.py
+have small versions."""
 STUDIES = [
     pytest.param(name, marks=pytest.mark.campaign) if name in LONG else name
     for name in sorted(

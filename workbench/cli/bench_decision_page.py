@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from workbench.bench.decision_methods import MethodCost
 
 _MILLION: Final = 1e6
+_MARKS: Final = ("o", "s")
 
 
 def decision_page(board: DecisionBoard, command: str) -> Page:
@@ -62,7 +63,7 @@ def frontier(sweep: Sequence[Latency]) -> Figure:
         (panel,),
         (
             Key("99.9 %, quicker of two calls", VERMILLION),
-            Key("median", BLUE),
+            Key("median", BLUE, "7 3"),
             Key("1 ms", INK, "2 3"),
         ),
         "Time of a decision against the share of the same random scenes in which both policies are "
@@ -75,11 +76,11 @@ def frontier(sweep: Sequence[Latency]) -> Figure:
 def _paint_frontier(canvas: Canvas, sweep: Sequence[Latency]) -> None:
     axes = canvas.add_subplot()
     share = [100.0 * row.proved for row in sweep]
-    for values, colour in (
-        ([row.quickest_us[1] for row in sweep], VERMILLION),
-        ([row.median_us for row in sweep], BLUE),
+    for values, colour, dashes in (
+        ([row.quickest_us[1] for row in sweep], VERMILLION, "-"),
+        ([row.median_us for row in sweep], BLUE, "--"),
     ):
-        axes.plot(share, values, color=colour, marker="o", markersize=4.0)
+        axes.plot(share, values, color=colour, linestyle=dashes, marker="o", markersize=4.0)
     for row, x in zip(sweep, share, strict=True):
         axes.annotate(
             str(row.budget), (x, row.quickest_us[1]), xytext=(0, 6), textcoords="offset points",
@@ -90,7 +91,7 @@ def _paint_frontier(canvas: Canvas, sweep: Sequence[Latency]) -> None:
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlim(-3.0, 103.0)
-    axes.set_xlabel("both policies proved (% of the scenes)")
+    axes.set_xlabel("scenes with both policies proved (%)")
     axes.set_ylabel("time of a decision (us), log scale")
 
 
@@ -145,8 +146,8 @@ def _paint_growth(canvas: Canvas, *, growth: Growth) -> None:
     axes.plot(ends, [start + slope * end for end in ends], color=INK, linestyle="--", alpha=0.5)
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel(growth.over)
-    axes.set_ylabel("instructions (millions)" if costs is counted else "time (us)")
+    axes.set_xlabel(growth.over if growth.over.endswith(")") else f"{growth.over} (1)")
+    axes.set_ylabel("instructions (10⁶)" if costs is counted else "time (us)")
 
 
 def _bound(bounds: Sequence[PeopleBound]) -> Figure:
@@ -166,12 +167,16 @@ def _bound(bounds: Sequence[PeopleBound]) -> Figure:
     return Figure(
         (panel,),
         (
-            *(Key(names[kind], colours[kind]) for kind in kinds),
+            *(
+                Key(names[kind], colours[kind], mark=mark)
+                for kind, mark in zip(kinds, _MARKS, strict=False)
+            ),
+            Key("bound", INK),
             Key("largest seen", INK, "2 3"),
         ),
         "Millions of instructions of one decision as a bound: the most steps, rows and "
         "boxes, each at the largest cost measured; dotted: the largest of the scenes that were "
-        "tried, in the same colour.",
+        "tried, with the same marks.",
         Table("bound of the instructions", headings, rows, folded=True),
     )
 
@@ -180,15 +185,17 @@ def _paint_bound(
     canvas: Canvas, bounds: Sequence[PeopleBound], colours: dict[tuple[int, int], str]
 ) -> None:
     axes = canvas.add_subplot()
-    for kind, colour in colours.items():
+    for (kind, colour), mark in zip(colours.items(), _MARKS, strict=False):
         own = [each for each in bounds if (each.tubes, each.pieces) == kind]
         people = [each.people for each in own]
         axes.plot(
-            people, [each.bound / _MILLION for each in own], color=colour, marker="o",
+            people, [each.bound / _MILLION for each in own], color=colour, marker=mark,
             markersize=4.0,
         )  # fmt: skip
         seen = [each.largest / _MILLION for each in own]
-        axes.plot(people, seen, color=colour, linestyle=":", linewidth=1.2)
+        axes.plot(
+            people, seen, color=colour, linestyle=":", linewidth=1.2, marker=mark, markersize=3.0
+        )
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel("people")
-    axes.set_ylabel("instructions (millions)")
+    axes.set_xlabel("people (1)")
+    axes.set_ylabel("instructions (10⁶)")

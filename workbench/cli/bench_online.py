@@ -72,7 +72,7 @@ def online_page(boards: Sequence[OnlineBoard], command: str) -> Page:
         sections.append(Section("Width against time", [frontier_figure(drawn, signal="y")]))
     grown = [
         ("Growth with the horizon", "horizon (s)", False, _over_horizon),
-        ("Growth with the cells", "cells of the initial set", True, _over_cells),
+        ("Growth with the cells", "cells of the initial set (1)", True, _over_cells),
     ]
     for title, over, logarithmic, curves_of in grown:
         curves = {board.loop: found for board in boards if (found := curves_of(board))}

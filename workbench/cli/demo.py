@@ -14,7 +14,6 @@ from workbench.cli.common import (
     RELEASE_STEPS,
     add_deciding_option,
     add_output_option,
-    add_vehicle_option,
     chosen_deciding,
     chosen_vehicle,
     output_folder,
@@ -38,6 +37,7 @@ HELP = (
 EXAMPLE = """\
 workbench demo
 workbench demo --vehicle my_shuttle.toml --out out/my_demo
+workbench demo --vehicle gem_e2 --out out/benchmark_gains
 workbench demo --deciding LookAhead --out out/look_ahead
 """
 _HORIZON_S = 3.0
@@ -47,11 +47,16 @@ _STEP_S = MONITOR_STEP_S
 _PAIRS = 400
 _SAMPLES = 2000
 _SEED = 1
+_BENCHMARK = "gem_e2"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    add_vehicle_option(parser)
+    parser.add_argument(
+        "--vehicle", type=Path, metavar="FILE",
+        help=f"vehicle file, TOML, or {_BENCHMARK} for the one that is shipped with the "
+        "benchmark's gains (default: the same GEM e2 with recommended gains)",
+    )  # fmt: skip
     add_deciding_option(parser)
     add_output_option(parser, default="out/demo")
 
@@ -60,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the chain and report; every stage is a step of the progress bar."""
     from workbench.models.control_view import quick_study
 
-    vehicle = chosen_vehicle(args)
+    vehicle = _vehicle(args)
     for text in quick_study(vehicle).warnings:
         warn(text)
     with output_folder(args.out) as out:
@@ -71,6 +76,16 @@ def run(args: argparse.Namespace) -> int:
     text = "\n".join([*report.lead, f"report: {out / 'report.html'}"])
     emit(args, text, _data(found, out))
     return 0 if tube.complete else 1
+
+
+def _vehicle(args: argparse.Namespace) -> Vehicle:
+    """As `--vehicle` says; a file of that name comes before the shipped one."""
+    from workbench.models.vehicle import gem_e2_path, gem_e2_recommended_path
+
+    file: Path = gem_e2_recommended_path() if args.vehicle is None else args.vehicle
+    if file == Path(_BENCHMARK) and not file.exists():
+        file = gem_e2_path()
+    return chosen_vehicle(argparse.Namespace(vehicle=file))
 
 
 def _chain(args: argparse.Namespace, vehicle: Vehicle, out: Path) -> tuple[Findings, DemoReport]:

@@ -18,6 +18,7 @@ from workbench.cli.analysis_options import (
 )
 from workbench.cli.common import add_vehicle_option, chosen_vehicle, writable_folder
 from workbench.cli.gains_options import add_gain_options, changed_vehicle, check_gain_options
+from workbench.cli.gains_robust import add_robust, run_robust
 from workbench.cli.gains_sweep import add_sweep, run_sweep
 from workbench.cli.output import emit, warn
 from workbench.cli.reach import half_width_text, tube_data
@@ -32,7 +33,8 @@ HELP = (
     "speed, and the tube of the full loop. With --full also margins over speed, exact stability "
     "maps, and the loop at samples with delay and jitter; --plot draws all of it. Warns, and names "
     "the poles, when the gains make the loop unstable; the exit status stays 0 then. `sweep` and "
-    "`recommend` (see their --help) score many gains by a study file and decide."
+    "`recommend` (see their --help) score many gains by a study file and decide; `robust` is about "
+    "cars that differ from the vehicle file."
 )
 EXAMPLE = """\
 workbench gains --quick
@@ -41,6 +43,7 @@ workbench gains --kp 0.3 --kd 1.5 --no-tube --plot out/gains.html
 workbench gains --full --speeds 0.5 5 --rate 20 --jitter 0.004 --csv out/gains
 workbench gains sweep studies/steering_gains.toml --out out/steering-gains --jobs 2
 workbench gains recommend --out out/steering-gains
+workbench gains robust --wheelbase 1.7 1.8 --speed-scale 0.97 1.03 --delay 0 0.05
 """
 
 
@@ -63,11 +66,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--csv", type=Path, metavar="DIR", help="write the full study's numbers, one file per table"
     )
-    add_sweep(parser)
+    add_robust(add_sweep(parser))
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show the study; warnings go to standard error. `sweep` and `recommend` do their own work."""
+    """Show the study; warnings go to standard error. The sub-commands do their own work."""
+    if args.work == "robust":
+        return run_robust(args)
     if args.work is not None:
         return run_sweep(args)
     args.full = bool(args.full or args.plot or args.csv)

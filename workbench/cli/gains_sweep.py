@@ -18,15 +18,18 @@ if TYPE_CHECKING:
 _OUT = Path("out/gain-sweep")
 
 
-def add_sweep(parser: argparse.ArgumentParser) -> None:
-    """Sub-commands beside the plain `workbench gains`."""
+def add_sweep(
+    parser: argparse.ArgumentParser,
+) -> argparse._SubParsersAction[argparse.ArgumentParser]:
+    """Sub-commands beside the plain `workbench gains`; others may join them."""
     works = parser.add_subparsers(
-        dest="work", metavar="{sweep,recommend}", title="many gains at once"
+        dest="work", metavar="{sweep,recommend,robust}", title="many gains or cars at once"
     )
     swept = works.add_parser(
         "sweep", help="score gains over cases, as a study file says",
         description="Scores gains over speeds, curvatures and initial sets, as a study file says: "
-        "exact stability, margins, proved tube, runs. Goes on where it was left.",
+        "exact stability, margins, proved tube, runs; finalists drive scenarios where it has "
+        "[drives]. Goes on where it was left.",
         allow_abbrev=False,
     )  # fmt: skip
     swept.add_argument("study", type=Path, metavar="STUDY", help="study file, TOML")
@@ -53,6 +56,7 @@ def add_sweep(parser: argparse.ArgumentParser) -> None:
             "--json", action="store_true", default=argparse.SUPPRESS,
             help="write the result as JSON to standard output",
         )  # fmt: skip
+    return works
 
 
 def run_sweep(args: argparse.Namespace) -> int:
@@ -79,6 +83,7 @@ def _refuse_others(args: argparse.Namespace) -> None:
 def _swept(args: argparse.Namespace, store: SweepStore) -> int:
     from workbench.cli.output import Progress
     from workbench.simulation.campaign.workers import workers
+    from workbench.simulation.gain_sweep.driving import drive_missing, missing_drives
     from workbench.simulation.gain_sweep.sweeping import sweep
 
     with workers(args.jobs, args.scheduler) as crew:
@@ -88,18 +93,25 @@ def _swept(args: argparse.Namespace, store: SweepStore) -> int:
         if left:
             with Progress("points", left) as progress:
                 sweep(store, crew, progress.advance)
+        drives = sum(len(task.numbers) for task in missing_drives(store))
+        if drives:
+            with Progress("drives", drives) as progress:
+                drive_missing(store, crew, progress.advance)
     total, cases = plan.count + 1, len(plan.cases)
+    driven = f", {drives} drives" if drives else ""
     text = (
-        f"{plan.name}: {total} points in {cases} case{'s' * (cases > 1)}, {left} of them new; "
-        f"`workbench gains recommend --out {args.out}` decides"
+        f"{plan.name}: {total} points in {cases} case{'s' * (cases > 1)}, {left} of them new"
+        f"{driven}; `workbench gains recommend --out {args.out}` decides"
     )
-    emit(args, text, {"points": total, "cases": cases, "new": left, "folder": args.out})
+    data = {"points": total, "cases": cases, "new": left, "drives": drives, "folder": args.out}
+    emit(args, text, data)
     return 0
 
 
 def _recommended(args: argparse.Namespace, store: SweepStore) -> int:
     from workbench.cli.gains_front import provenance, write_files
     from workbench.simulation.gain_sweep.deciding import verdict
+    from workbench.simulation.gain_sweep.driving import driven_figures
 
     plan = store.plan()
     missing = sum(map(len, store.missing()))
@@ -108,7 +120,7 @@ def _recommended(args: argparse.Namespace, store: SweepStore) -> int:
             f"{args.out}: expected a finished sweep, got one that lacks {missing} of "
             f"{plan.count + 1} points; `workbench gains sweep STUDY --out {args.out}` goes on"
         )
-    found = verdict(store.rows(), plan.decision)
+    found = verdict(store.rows(), plan.decision, driven_figures(store))
     why = provenance(plan, found)
     files = write_files(args.out, store, found, why)
     emit(args, _text(found, why, files), _data(found, why, files))
@@ -127,9 +139,12 @@ def _text(found: Verdict, why: str, files: list[Path]) -> str:
 
 
 def _data(found: Verdict, why: str, files: list[Path]) -> dict[str, Any]:
+    from workbench.simulation.gain_sweep.deciding import shown_figures
+
     def point(index: int) -> dict[str, Any]:
         each = found.points[index]
-        return {"point": each.index, **each.gains, **each.figures, "fails": each.fails}
+        figures = {name: each.figures[name] for name in shown_figures(found)}
+        return {"point": each.index, **each.gains, **figures, "fails": each.fails}
 
     return {
         "recommended": None if found.best is None else point(found.best.index),

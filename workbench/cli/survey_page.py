@@ -40,14 +40,7 @@ def write_survey_page(
 
     tallies, bad = found
     manifest = store.manifest()
-    bars = tuple(
-        Bar(
-            each.plant, each.contender,
-            (each.needless.per_km, each.needless.low, each.needless.high), each.standing,
-            each.avoidable / each.runs,
-        )
-        for each in tallies
-    )  # fmt: skip
+    bars = tuple(Bar.of(each) for each in tallies)
     lead = (
         f"{sum(each.runs for each in tallies)} drives through sampled scenarios (family "
         f"{manifest.family}, seed {manifest.seed}), by each of {len(manifest.contenders)} "

@@ -182,6 +182,11 @@ def gem_e2_path() -> Path:
     return Path(str(importlib.resources.files("workbench.models") / "data" / "gem_e2.toml"))
 
 
+def gem_e2_recommended_path() -> Path:
+    """The shipped vehicle with the steering gains that `studies/demo_gains.toml` recommends."""
+    return gem_e2_path().with_name("gem_e2_recommended.toml")
+
+
 def gem_e2_drive_path() -> Path:
     """The shipped vehicle once more, with what its drive-by-wire makes of commands."""
     return gem_e2_path().with_name("gem_e2_drive.toml")

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import re
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import final
+from typing import Any, Final, final
 
 import matplotlib
 from matplotlib.figure import Figure as Canvas
 
 from workbench.claims import Verdict
+from workbench.report import keys
 from workbench.report.page import escaped
 from workbench.report.tables import Table
 
@@ -21,7 +23,27 @@ ORANGE, SKY, GREEN, YELLOW = "#E69F00", "#56B4E9", "#009E73", "#F0E442"
 BLUE, VERMILLION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 # Drawn in this colour, replaced by `currentColor`, so that axes and text follow light and dark.
 INK = "#010203"
+PALETTE = (BLUE, VERMILLION, GREEN, ORANGE, PURPLE, SKY, YELLOW)
+"""Okabe and Ito's colours, which colour-blind readers can tell apart, the darkest first."""
+Dashes = str | tuple[float, tuple[float, ...]]
+DASHES: Final[Mapping[Dashes, str]] = {
+    "-": "",
+    "--": "7 3",
+    "-.": "8 3 2 3",
+    ":": "2 3",
+    (0.0, (9.0, 3.0)): "18 5",
+    (0.0, (6.0, 2.0, 1.0, 2.0, 1.0, 2.0)): "9 2 2 2 2 2",
+    (0.0, (3.0, 1.0)): "4 1.5",
+    (0.0, (1.0, 4.0)): "2 6",
+}
+"""Of lines: as Matplotlib takes them, and as a legend draws them."""
+STYLES: Final = tuple(zip((*PALETTE, INK), DASHES, strict=True))
+"""A colour and dashes per line of a picture: each differs from all others in both."""
+HATCHES = ("", "///", "xxx", "...")
+"""Of areas that differ in colour, so that they also differ without it."""
 VERDICT_COLOURS = {Verdict.SAFE: GREEN, Verdict.UNPROVED: ORANGE, Verdict.INVALID: PURPLE}
+VERDICT_HATCHES = dict(zip(VERDICT_COLOURS, HATCHES, strict=False))
+VERDICT_MARKS = {Verdict.SAFE: "o", Verdict.UNPROVED: "s", Verdict.INVALID: "X"}
 
 _STYLE: dict[str, object] = {
     "svg.fonttype": "none",
@@ -39,38 +61,47 @@ _STYLE: dict[str, object] = {
     "grid.color": INK,
     "grid.alpha": 0.15,
     "grid.linewidth": 0.6,
+    "hatch.color": INK,
+    "hatch.linewidth": 0.6,
     "axes.grid": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "figure.facecolor": "none",
     "axes.facecolor": "none",
-    "savefig.facecolor": "none",
     "axes.unicode_minus": True,
 }
+Paint = Callable[[Canvas], None]
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Key:
-    """One entry of a legend: a line or patch of a colour and what it stands for."""
+    """One entry of a legend: what a line, mark or patch stands for.
+
+    dashes: of the line, as SVG writes them; filled: a patch instead, hatch: with this pattern;
+    mark: a mark of matplotlib's instead. Raises InputError on hatches and marks without a picture.
+    """
 
     label: str
     colour: str
     dashes: str = ""
     filled: bool = False
+    mark: str = ""
+    hatch: str = ""
+
+    def __post_init__(self) -> None:
+        self.sample()  # Refuses what it cannot draw.
+
+    def sample(self) -> str:
+        """The picture beside the words, as the inside of an SVG."""
+        colour = self.colour.replace(INK, "currentColor")
+        if self.mark:
+            return keys.mark(colour, self.mark)
+        return keys.patch(colour, self.hatch) if self.filled else keys.line(colour, self.dashes)
 
     def html(self) -> str:
         """The block as HTML."""
-        colour = self.colour.replace(INK, "currentColor")
-        if self.filled:
-            mark = f'<rect x="1" y="2" width="24" height="10" fill="{colour}" fill-opacity=".7"/>'
-        else:
-            mark = (
-                f'<line x1="1" y1="7" x2="25" y2="7" stroke="{colour}" stroke-width="2.5" '
-                f'stroke-dasharray="{self.dashes}"/>'
-            )
-        picture = f'<svg width="26" height="14" aria-hidden="true">{mark}</svg>'
+        picture = f'<svg width="26" height="14" aria-hidden="true">{self.sample()}</svg>'
         return f"<li>{picture} {escaped(self.label)}</li>"
 
 
@@ -101,23 +132,46 @@ class Figure:
         )
 
 
-def svg_panel(
-    paint: Callable[[Canvas], None], *, label: str, width_in: float = 4.4, height_in: float = 2.7
-) -> str:
+@final
+class Panel(str):
+    """One picture: SVG text for inside an HTML page that remembers how it was drawn.
+
+    paint: draws on an empty canvas; size_in: width and height in inches; label: what a screen
+    reader says.
+    """
+
+    __slots__ = ("label", "paint", "size_in")
+
+    paint: Paint
+    size_in: tuple[float, float]
+    label: str
+
+
+def svg_panel(paint: Paint, *, label: str, width_in: float = 4.4, height_in: float = 2.7) -> Panel:
     """What `paint` draws on an empty canvas, as SVG text for inside an HTML page.
 
     label: what a screen reader says; width_in, height_in: size in inches at which 10 pt text is
     10 pt; the page scales it. The same drawing gives the same text.
     """
     stream = io.StringIO()
-    with matplotlib.rc_context(_STYLE), warnings.catch_warnings():  # type: ignore[arg-type]
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+    with drawing_style(background="none"):
         canvas = Canvas(figsize=(width_in, height_in), layout="constrained")
         paint(canvas)
         canvas.savefig(stream, format="svg", metadata=_NO_METADATA)
     box = f"0 0 {72.0 * width_in:g} {72.0 * height_in:g}"
     opening = f'<svg viewBox="{box}" role="img" aria-label="{escaped(label)}">'
-    return opening + _inlined(stream.getvalue())
+    panel = Panel(opening + _inlined(stream.getvalue()))
+    panel.paint, panel.size_in, panel.label = paint, (width_in, height_in), label
+    return panel
+
+
+@contextlib.contextmanager
+def drawing_style(*, background: str) -> Iterator[None]:
+    """Matplotlib's settings while a panel is drawn; background: a colour, or "none"."""
+    style: Any = {**_STYLE, "figure.facecolor": background, "savefig.facecolor": background}
+    with matplotlib.rc_context(style), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        yield
 
 
 def _inlined(svg: str) -> str:
@@ -126,7 +180,8 @@ def _inlined(svg: str) -> str:
     svg = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r'\sd="([^"]*)"', _rounded, svg)
     svg = svg.replace("'DejaVu Sans'", "sans-serif").replace(INK, "currentColor")
-    svg = _own_ids(svg)
+    # Matplotlib's links open a new window; these lead to another part of the same page.
+    svg = _own_ids(svg.replace(' target="_blank"', ""))
     return re.sub(r"\n\s*", "\n", svg[svg.index(">") + 1 :]).strip()
 
 
@@ -137,7 +192,8 @@ def _rounded(match: re.Match[str]) -> str:
 
 def _own_ids(svg: str) -> str:
     """Ids that no other picture on the page shares; those nobody refers to are dropped."""
-    referenced = set(re.findall(r'(?:url\(#|href="#)([^)"]+)', svg))
+    own = set(re.findall(r'\sid="([^"]*)"', svg))
+    referenced = own & set(re.findall(r'(?:url\(#|href="#)([^)"]+)', svg))
     prefix = hashlib.sha256(svg.encode()).hexdigest()[:8]
 
     def renamed(match: re.Match[str]) -> str:
@@ -145,7 +201,9 @@ def _own_ids(svg: str) -> str:
         return f' id="{prefix}{name}"' if name in referenced else ""
 
     svg = re.sub(r'\sid="([^"]*)"', renamed, svg)
-    return re.sub(r'(url\(#|href="#)', rf"\g<1>{prefix}", svg)
+    # A link out of the picture, to another part of the page, keeps its address.
+    led = re.compile(r'(url\(#|href="#)([^)"]+)')
+    return led.sub(lambda m: m[1] + prefix * (m[2] in own) + m[2], svg)
 
 
 def thinned(count: int, limit: int) -> Sequence[int]:

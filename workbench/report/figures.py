@@ -23,11 +23,13 @@ from workbench.report.curves import (
 )
 from workbench.report.drawing import (
     BLUE,
+    DASHES,
     GREEN,
     INK,
     PURPLE,
     SKY,
     VERMILLION,
+    Dashes,
     Figure,
     Key,
     svg_panel,
@@ -37,15 +39,15 @@ from workbench.report.page import MEANING
 from workbench.report.tables import Cell, Table
 
 _DRAWN_RUNS = 24
-_TABLE_INSTANTS = 13
+_TABLE_INSTANTS = 61
 # A tube thinner than this share of the distance it travels is drawn about its own centre.
 _THIN = 0.25
 # Curves that end further apart than this factor are drawn on a logarithmic scale.
 _WIDE_SPREAD = 15.0
+_SOLID, _DASHED, _DASH_DOT, _DOTTED, _LONG, _DASH_DOTS, _CLOSE, _SPARSE = DASHES
 _PROVED_COLOURS = (BLUE, GREEN, SKY, PURPLE)
-_DASHES = {"-": "", "--": "7 3", ":": "2 3", "-.": "8 3 2 3"}
-_PROVED_DASHES = ("-", "-.", "--", ":")
-_SAMPLED_DASHES = (":", "--")
+_PROVED_DASHES = (_SOLID, _DASH_DOT, _LONG, _DASH_DOTS)
+_SAMPLED_DASHES = (_DOTTED, _SPARSE)
 
 
 def tube_figure(tube: TubeCurves, samples: SampledRuns | None = None) -> Figure:
@@ -163,7 +165,7 @@ def growth_figure(
         for column, (name, unit) in enumerate(zip(names, units, strict=True))
     )
     legend = tuple(
-        Key(f"{growth.label} ({growth.rigor.name})", colour, _DASHES[dashes])
+        Key(f"{growth.label} ({growth.rigor.name})", colour, DASHES[dashes])
         for growth, (colour, dashes) in zip(growths, styles, strict=True)
     )
     caption = (
@@ -173,17 +175,17 @@ def growth_figure(
     return Figure(panels, legend, caption, _growth_table(growths, names, units))
 
 
-def _styles(growths: Sequence[Growth]) -> list[tuple[str, str]]:
-    styles: list[tuple[str, str]] = []
+def _styles(growths: Sequence[Growth]) -> list[tuple[str, Dashes]]:
+    styles: list[tuple[str, Dashes]] = []
     proved, sampled = 0, 0
     for growth in growths:
         if growth.origin is Origin.SAMPLES:
             styles.append((INK, _SAMPLED_DASHES[sampled % len(_SAMPLED_DASHES)]))
             sampled += 1
         elif growth.origin is Origin.REACHED:
-            styles.append((INK, "-."))
+            styles.append((INK, _CLOSE))
         elif growth.origin is Origin.LEARNED:
-            styles.append((VERMILLION, "--"))
+            styles.append((VERMILLION, _DASHED))
         else:
             turn, index = divmod(proved, len(_PROVED_COLOURS))
             dashes = _PROVED_DASHES[(index + turn) % len(_PROVED_DASHES)]
@@ -196,7 +198,7 @@ def _paint_growth(
     canvas: Canvas,
     *,
     growths: Sequence[Growth],
-    styles: Sequence[tuple[str, str]],
+    styles: Sequence[tuple[str, Dashes]],
     column: int,
     signal: tuple[str, str],
 ) -> None:

@@ -13,19 +13,18 @@ from matplotlib.ticker import NullFormatter, NullLocator, StrMethodFormatter
 
 from workbench.errors import InputError
 from workbench.report.drawing import (
-    BLUE,
-    GREEN,
+    DASHES,
     INK,
-    ORANGE,
-    PURPLE,
-    VERMILLION,
+    PALETTE,
+    STYLES,
+    Dashes,
     Figure,
     Key,
     svg_panel,
 )
 from workbench.report.tables import Cell, Table
 
-_COLOURS: Final = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE)
+_LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
 _MARKERS: Final = ("o", "s", "^", "D", "v")
 _SIGNS: Final = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼"}
 
@@ -77,33 +76,33 @@ def frontier_figure(frontiers: Sequence[Frontier], *, signal: str) -> Figure:
     """
     names = list(dict.fromkeys(p.series for f in frontiers for p in f.points))
     steps = sorted({p.step_s for f in frontiers for p in f.points}, reverse=True)
-    colours = dict(zip(names, _COLOURS * len(names), strict=False))
+    looks = {name: (_LETTERS[k], PALETTE[k % len(PALETTE)]) for k, name in enumerate(names)}
     markers = dict(zip(steps, _MARKERS * len(steps), strict=False))
     panels = tuple(
         svg_panel(
-            partial(_paint, frontier=f, colours=colours, markers=markers, signal=signal),
+            partial(_paint, frontier=f, looks=looks, markers=markers, signal=signal),
             label=f"Width of {signal} against time on {f.loop}",
             height_in=3.8,
         )
         for f in frontiers
     )
     legend = (
-        *(Key(name, colours[name], filled=True) for name in names),
+        *(Key(f"{letter}: {name}", colour, mark="o") for name, (letter, colour) in looks.items()),
         Key("not beaten in both", INK),
         Key("validated tubes", INK, "2 3"),
     )
     shapes = ", ".join(f"{_SIGNS[markers[step]]} {step:g} s" for step in steps)
     caption = (
         f"Mean width of {signal} over 0 to 3 s beyond the sampled width, against the time for all "
-        f"cells on one core. Marker: step ({shapes}); number: cells of the initial set; stairs: "
-        "what no other setting beats in both. Dotted: widths of the validated tubes, cells at the "
-        "right; they take seconds."
+        f"cells on one core. Marker: step ({shapes}); letter: as in the legend; number: cells of "
+        "the initial set; stairs: what no other setting beats in both. Dotted: widths of the "
+        "validated tubes, cells at the right; they take seconds."
     )
     return Figure(panels, legend, caption, _numbers(frontiers))
 
 
 def _paint(
-    canvas: Canvas, *, frontier: Frontier, colours: Mapping[str, str],
+    canvas: Canvas, *, frontier: Frontier, looks: Mapping[str, tuple[str, str]],
     markers: Mapping[float, str], signal: str,
 ) -> None:  # fmt: skip
     axes: Axes = canvas.add_subplot()
@@ -119,12 +118,13 @@ def _paint(
         alpha=0.6, drawstyle="steps-post", zorder=1,
     )  # fmt: skip
     for p in frontier.points:
+        letter, colour = looks[p.series]
         axes.plot(
-            p.time_us, _percent(p.ratio), marker=markers[p.step_s], color=colours[p.series],
+            p.time_us, _percent(p.ratio), marker=markers[p.step_s], color=colour,
             markersize=6.0, linestyle="none",
         )  # fmt: skip
         axes.annotate(
-            str(p.cells), (p.time_us, _percent(p.ratio)), xytext=(5, 4),
+            f"{letter}{p.cells}", (p.time_us, _percent(p.ratio)), xytext=(5, 4),
             textcoords="offset points", fontsize=8.0,
         )  # fmt: skip
     _logarithmic(axes)
@@ -180,16 +180,16 @@ def _numbers(frontiers: Sequence[Frontier]) -> Table:
 def growth_panels(
     growths: Mapping[str, Sequence[GrowthCurve]], *, over: str, logarithmic: bool
 ) -> Figure:
-    """One picture per loop: microseconds over what grows, and a dashed line of proportional growth.
+    """One picture per loop: microseconds over what grows, and a thin line of proportional growth.
 
     over: name and unit of the horizontal axis; logarithmic: both scales are.
     """
     names = list(dict.fromkeys(c.series for curves in growths.values() for c in curves))
-    colours = dict(zip(names, _COLOURS * len(names), strict=False))
+    styles = {name: STYLES[k % len(STYLES)] for k, name in enumerate(names)}
     panels = tuple(
         svg_panel(
             partial(
-                _paint_growth, curves=curves, colours=colours, words=(loop, over),
+                _paint_growth, curves=curves, styles=styles, words=(loop, over),
                 logarithmic=logarithmic,
             ),
             label=f"Time over {over} on {loop}",
@@ -197,7 +197,8 @@ def growth_panels(
         for loop, curves in growths.items()
     )  # fmt: skip
     legend = (
-        *(Key(name, colours[name]) for name in names), Key("proportional to the first", INK, "7 3"),
+        *(Key(name, styles[name][0], DASHES[styles[name][1]]) for name in names),
+        Key("proportional to the first", INK),
     )  # fmt: skip
     rows: list[list[Cell]] = [
         [loop, c.series, float(value), float(us)]
@@ -208,20 +209,21 @@ def growth_panels(
     numbers = Table(
         f"time over {over}", ["loop", "kernel and form", over, "time (us)"], rows, folded=True
     )
-    caption = f"Time of the tube over {over}; dashed: growth in proportion from the first point."
+    caption = f"Time of the tube over {over}; thin: growth in proportion from the first point."
     return Figure(panels, legend, caption, numbers)
 
 
 def _paint_growth(
-    canvas: Canvas, *, curves: Sequence[GrowthCurve], colours: Mapping[str, str],
+    canvas: Canvas, *, curves: Sequence[GrowthCurve], styles: Mapping[str, tuple[str, Dashes]],
     words: tuple[str, str], logarithmic: bool,
 ) -> None:  # fmt: skip
     axes: Axes = canvas.add_subplot()
     for c in curves:
-        axes.plot(c.values, c.time_us, color=colours[c.series], marker="o", markersize=4.0)
+        colour, dashes = styles[c.series]
+        axes.plot(c.values, c.time_us, color=colour, linestyle=dashes, marker="o", markersize=4.0)
         if c.values:
             straight = [c.time_us[0] * value / c.values[0] for value in c.values]
-            axes.plot(c.values, straight, color=INK, linestyle="--", linewidth=0.8, alpha=0.5)
+            axes.plot(c.values, straight, color=INK, linewidth=0.8, alpha=0.5)
     if logarithmic:
         _logarithmic(axes)
         values = sorted({value for c in curves for value in c.values})

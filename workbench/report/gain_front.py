@@ -4,35 +4,38 @@ from __future__ import annotations
 
 import itertools
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import final
+from typing import Final, final
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from workbench.models.gains.lateral import AXES
 from workbench.report.drawing import BLUE, INK, ORANGE, VERMILLION, Figure, Key, svg_panel
 from workbench.report.page import Page, Section, escaped
 from workbench.report.tables import Table, shown
-from workbench.simulation.gain_sweep.deciding import Point, Verdict
-from workbench.simulation.gain_sweep.figures import FIGURES, figure
+from workbench.simulation.gain_sweep.deciding import Point, Verdict, shown_figures
+from workbench.simulation.gain_sweep.figures import figure
+from workbench.simulation.gain_sweep.gains import GAINS
+
+_MOST_DRAWN: Final = 2000
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Card:
-    """All that is known of one point, under an address that a picture can lead to."""
+    """All that is known of one point, under an address that a picture can lead to; names: figures
+    that are shown."""
 
     point: Point
     title: str
+    names: tuple[str, ...]
 
     def html(self) -> str:
         """The block as HTML."""
-        rows = [(AXES[name].label, value) for name, value in self.point.gains.items()]
-        rows += [(FIGURES[name].label, value) for name, value in self.point.figures.items()]
+        rows = [(GAINS[name].label, value) for name, value in self.point.gains.items()]
+        rows += [(figure(name).label, self.point.figures[name]) for name in self.names]
         body = "".join(
             f'<tr><th scope="row">{escaped(label)}</th><td>{escaped(shown(value))}</td></tr>'
             for label, value in rows
@@ -54,7 +57,7 @@ def front_page(
     costs, front, points = tables
     special = (found.best, found.present)
     cards = [
-        Card(p, f"point {p.index}" + _word(found, p))
+        Card(p, f"point {p.index}" + _word(found, p), tuple(shown_figures(found)))
         for p in dict.fromkeys([*(p for p in special if p), *found.front])
     ]
     sections = [Section("The front", [front_figure(found), front])]
@@ -69,31 +72,36 @@ def front_figure(found: Verdict) -> Figure:
     trade = found.decision.trade
     pairs = list(itertools.combinations(trade, 2)) or [(trade[0], trade[0])]
     panels = tuple(
-        _leading(
-            svg_panel(
-                partial(_paint, found=found, pair=pair),
-                label=f"{figure(pair[1]).words} against {figure(pair[0]).words}",
-                height_in=3.4,
-            )
+        svg_panel(
+            partial(_paint, found=found, pair=pair),
+            label=f"{figure(pair[1]).words} against {figure(pair[0]).words}",
+            height_in=3.4,
         )
         for pair in pairs
     )
     legend = (
-        Key("on the front", BLUE, filled=True), Key("recommended", VERMILLION, filled=True),
-        Key("present gains", ORANGE, filled=True), Key("others", INK),
+        Key("on the front", BLUE, mark="o"), Key("recommended", VERMILLION, mark="*"),
+        Key("present gains", ORANGE, mark="s"), Key("others", INK, mark="."),
     )  # fmt: skip
     caption = (
         "Each point is one choice of gains with its worst value over all cases. Click a point of "
         "the front, the star or the square to go to its numbers. Choices without a value, whose "
-        "tube or runs do not get there, are not drawn."
+        "tube or runs do not get there or which did not drive, are not drawn."
     )
+    if _every(found) > 1:
+        caption += f" Of the others one in {_every(found)} is drawn."
     return Figure(panels, legend, caption)
+
+
+def _every(found: Verdict) -> int:
+    """One of how many of the others is drawn."""
+    return max(1, math.ceil(len(found.points) / _MOST_DRAWN))
 
 
 def _paint(canvas: Canvas, *, found: Verdict, pair: tuple[str, str]) -> None:
     axes: Axes = canvas.add_subplot()
     named = [*found.front, found.present, *([found.best] if found.best else [])]
-    others = [p for p in found.points if p not in named]
+    others = [p for p in found.points if p not in named][:: _every(found)]
     _scatter(axes, others, pair, (INK, ".", 14.0))
     for point in found.front:
         _scatter(axes, [point], pair, (BLUE, "o", 42.0))
@@ -116,11 +124,6 @@ def _scatter(
     dots = axes.scatter(x, y, s=size, color=colour, marker=marker)
     if marker != ".":
         dots.set_urls([f"#point-{p.index}" for p in shown_points])
-
-
-def _leading(panel: str) -> str:
-    """The picture with its links led out of it; within, `svg_panel` renames what `#` leads to."""
-    return re.sub(r'xlink:href="#\w{8}(point-\d+)"', r'href="#\1"', panel)
 
 
 def _word(found: Verdict, point: Point) -> str:

@@ -178,7 +178,7 @@ def _loop_blocks(study: GainStudy) -> list[Block]:
         for each in study.responses.frequency
         for row in (each.rows()[k] for k in thinned(len(each.radps), 25))
     ]
-    headings = ["speed (m/s)", "frequency (rad/s)", "|L| (none)", "phase of L (deg)"]
+    headings = ["speed (m/s)", "frequency (rad/s)", "|L| (1)", "phase of L (deg)"]
     return [
         Figure(
             panels, tuple(_speed_keys(study)),

@@ -91,7 +91,7 @@ def sampled_blocks(study: GainStudy) -> list[Block]:
     )
     keys = (
         Key("stable: spectral radius per sample below 1", pictures.SKY, filled=True),
-        Key("not stable", pictures.ORANGE, filled=True),
+        Key("not stable", pictures.ORANGE, filled=True, hatch="///"),
     )
     jitter = svg_panel(partial(pictures.paint_jitter, found=study.jitter), label="Rates by jitter")
     jitter_keys = (

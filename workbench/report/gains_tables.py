@@ -42,8 +42,8 @@ def quick_table(quick: QuickStudy) -> Table:
 def margin_table(over: OverSpeed) -> Table:
     """Margins over speed, all schedules."""
     headings = [
-        "gains", "speed (m/s)", "slowest pole (1/s)", "damping (none)", "least gain factor",
-        "largest gain factor", "phase margin (deg)", "delay margin (s)", "disk margin (none)",
+        "gains", "speed (m/s)", "slowest pole (1/s)", "damping (1)", "least gain factor",
+        "largest gain factor", "phase margin (deg)", "delay margin (s)", "disk margin (1)",
         "disk gain from (factor)", "disk gain to (factor)", "disk phase (deg)",
     ]  # fmt: skip
     rows: list[list[Cell]] = [

@@ -12,8 +12,11 @@ from matplotlib.figure import Figure as Canvas
 
 from workbench.claims import Rigor
 from workbench.report.curves import Values, require_shape
-from workbench.report.drawing import BLUE, GREEN, Figure, Key, svg_panel
+from workbench.report.drawing import BLUE, GREEN, Figure, Key, svg_panel, thinned
 from workbench.report.page import MEANING
+from workbench.report.tables import Table
+
+_ROWS = 61
 
 
 @final
@@ -57,7 +60,20 @@ def both_sides_figure(sets: BothSides) -> Figure:
         "as far as the green band and no farther than the lines; this holds with "
         f"rigor {sets.rigor.name} ({MEANING[sets.rigor]}). Drawn about the centre of the lines."
     )
-    return Figure(panels, legend, caption)
+    return Figure(panels, legend, caption, _numbers(sets))
+
+
+def _numbers(sets: BothSides) -> Table:
+    headings = ["time (s)"]
+    for name, unit in zip(sets.names, sets.units, strict=True):
+        headings += [f"{name} not below ({unit})", f"reached from ({unit})", f"reached to ({unit})",
+                     f"not above ({unit})"]  # fmt: skip
+    sides = (sets.outer_lower, sets.inner_lower, sets.inner_upper, sets.outer_upper)
+    rows = [
+        [float(sets.times_s[k]), *np.stack([side[k] for side in sides], axis=1).ravel().tolist()]
+        for k in thinned(len(sets.times_s), _ROWS)
+    ]
+    return Table("both sets at some instants", headings, rows, folded=True)
 
 
 def _paint(canvas: Canvas, *, sets: BothSides, column: int) -> None:

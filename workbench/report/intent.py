@@ -14,6 +14,7 @@ from workbench.errors import InputError
 from workbench.report.curves import Values, require_shape
 from workbench.report.drawing import (
     BLUE,
+    DASHES,
     GREEN,
     INK,
     ORANGE,
@@ -21,6 +22,7 @@ from workbench.report.drawing import (
     SKY,
     VERMILLION,
     YELLOW,
+    Dashes,
     Figure,
     Key,
     svg_panel,
@@ -28,7 +30,13 @@ from workbench.report.drawing import (
 from workbench.report.page import Block, Notice, Page, Section
 from workbench.report.tables import Table
 
-_GOAL_COLOURS = (VERMILLION, YELLOW, GREEN, PURPLE, ORANGE, "#8C564B", "#17BECF", "#7F7F7F")
+_GOAL_STYLES = tuple(
+    zip(
+        (VERMILLION, YELLOW, GREEN, PURPLE, ORANGE, BLUE),
+        (dashes for dashes in DASHES if dashes not in ("-", ":")),
+        strict=True,
+    )
+)
 _BOLDEST, _FAINTEST = 2.8, 0.8
 
 
@@ -124,12 +132,12 @@ def person_figure(person: PersonPicture) -> Figure:
         ),
     )  # fmt: skip
     legend = (
-        Key("measured", BLUE),
+        Key("measured", BLUE, mark="o"),
         Key("measured later", BLUE, "2 3"),
         Key("predicted, the bolder the likelier", SKY),
         *(
-            Key(f"goal {name}" + (", reached" if index == person.reached else ""), _colour(index),
-                filled=True)
+            Key(f"goal {name}" + (", reached" if index == person.reached else ""),
+                _style(index)[0], DASHES[_style(index)[1]])
             for index, name in enumerate(person.goals)
         ),
         Key("none of the goals", INK, "2 3"),
@@ -140,13 +148,17 @@ def person_figure(person: PersonPicture) -> Figure:
         f"measurement; the vertical line is {at_s:.1f} s. The coloured lines sum to 1; the dotted "
         "one is the filter's doubt that the goal is known at all."
     )
-    headings = ("time (s)", *(f"p({name})" for name in person.goals), "p(none of them)")
+    return Figure(panels, legend, caption, answers_table(person))
+
+
+def answers_table(person: PersonPicture) -> Table:
+    """The probability of each goal after each measurement."""
+    headings = ("time (s)", *(f"p({name}) (1)" for name in person.goals), "p(none of them) (1)")
     rows = [
         (round(float(t), 3), *(float(p) for p in row), float(u))
         for t, row, u in zip(person.t_s, person.probability, person.unknown, strict=True)
     ]
-    numbers = Table(f"Answers about {person.title}", headings, rows, folded=True)
-    return Figure(panels, legend, caption, numbers)
+    return Table(f"Answers about {person.title}", headings, rows, folded=True)
 
 
 def calibration_figure(report: IntentReport) -> Figure:
@@ -164,12 +176,13 @@ def calibration_figure(report: IntentReport) -> Figure:
         (float(s), float(r), int(c))
         for s, r, c in zip(report.stated, report.reached, report.count, strict=True)
     ]
-    numbers = Table("Calibration", ("stated", "reached", "answers"), rows, folded=True)
+    numbers = Table("Calibration", ("stated (1)", "reached (1)", "answers"), rows, folded=True)
     return Figure((panel,), (Key("answers", BLUE), Key("perfect", INK, "2 3")), caption, numbers)
 
 
-def _colour(index: int) -> str:
-    return _GOAL_COLOURS[index % len(_GOAL_COLOURS)]
+def _style(goal: int) -> tuple[str, Dashes]:
+    """Colour of a goal, and dashes of its line over time."""
+    return _GOAL_STYLES[goal % len(_GOAL_STYLES)]
 
 
 def _paint_plane(canvas: Canvas, *, person: PersonPicture) -> None:
@@ -179,7 +192,7 @@ def _paint_plane(canvas: Canvas, *, person: PersonPicture) -> None:
         zip(person.goal_xy_m, person.goal_spread_m, strict=True)
     ):
         ring = place + spread * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        axes.fill(*ring.T, facecolor=_colour(index), alpha=0.45, linewidth=0.0)
+        axes.fill(*ring.T, facecolor=_style(index)[0], alpha=0.45, linewidth=0.0)
         axes.annotate(person.goals[index], place, ha="center", va="center", color=INK)
         if index == person.reached:
             axes.plot(*ring.T, color=INK, linewidth=1.6)
@@ -199,15 +212,16 @@ def _paint_time(canvas: Canvas, *, person: PersonPicture) -> None:
     axes: Axes = canvas.add_subplot()
     # An answer holds until the next measurement.
     for index in range(len(person.goals)):
+        colour, dashes = _style(index)
         axes.step(
-            person.t_s, person.probability[:, index], where="post", color=_colour(index),
+            person.t_s, person.probability[:, index], where="post", color=colour, linestyle=dashes,
             linewidth=2.6 if index == person.reached else 1.6,
         )  # fmt: skip
     axes.step(person.t_s, person.unknown, where="post", color=INK, linewidth=1.0, linestyle=":")
-    axes.axvline(person.t_s[person.drawn], color=SKY, linewidth=1.4)
+    axes.axvline(person.t_s[person.drawn], color=INK, linewidth=1.0)
     axes.set_ylim(-0.03, 1.03)
     axes.set_xlabel("time (s)")
-    axes.set_ylabel("probability")
+    axes.set_ylabel("probability (1)")
 
 
 def _paint_calibration(canvas: Canvas, *, report: IntentReport) -> None:
@@ -219,5 +233,5 @@ def _paint_calibration(canvas: Canvas, *, report: IntentReport) -> None:
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(0.0, 1.0)
     axes.set_aspect("equal")
-    axes.set_xlabel("stated probability")
-    axes.set_ylabel("share reached")
+    axes.set_xlabel("stated probability (1)")
+    axes.set_ylabel("share reached (1)")

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from workbench.report.curves import Values, require_shape
 from workbench.report.drawing import (
     BLUE,
+    DASHES,
     GREEN,
     INK,
     ORANGE,
@@ -23,13 +24,15 @@ from workbench.report.drawing import (
     Figure,
     Key,
     svg_panel,
+    thinned,
 )
 from workbench.report.page import Notice, Page, Section
 from workbench.report.tables import Table
 
 _BOXES = 60
 _MAGNIFIED = 10
-_WIDTHS = (("x", "m", BLUE), ("y", "m", GREEN), ("heading", "rad", VERMILLION))
+_WIDTHS = (("x", "m", BLUE, "-"), ("y", "m", GREEN, "--"), ("heading", "rad", VERMILLION, "-."))
+_ROWS = 400
 
 
 @final
@@ -77,13 +80,13 @@ def localisation_page(report: LocalisationReport, *, version: str, command: str)
 def plan_figure(report: LocalisationReport) -> Figure:
     """From above: the way, some of the sets, the beacons."""
     panel = svg_panel(
-        partial(_paint_plan, report=report), label="The drive seen from above", width_in=8.0,
-        height_in=5.0,
+        partial(_paint_plan, report=report), label="The drive seen from above", width_in=4.6,
+        height_in=3.8,
     )  # fmt: skip
     legend = [
         Key("middle of the set", BLUE),
         Key(f"set of x and y, {_MAGNIFIED} times as large", SKY, filled=True),
-        Key("beacon", ORANGE, filled=True),
+        Key("beacon", ORANGE, mark="^"),
     ]
     legend += [Key("true way", INK, "2 3")] if len(report.truth) else []
     caption = (
@@ -91,16 +94,26 @@ def plan_figure(report: LocalisationReport) -> Figure:
         f"and speed, with probability {100 * report.level:g} %; some {_BOXES} of them are drawn, "
         f"{_MAGNIFIED} times as large as they are."
     )
-    return Figure((panel,), tuple(legend), caption, wide=True)
+    return Figure((panel,), tuple(legend), caption, _numbers(report), wide=True)
+
+
+def _numbers(report: LocalisationReport) -> Table:
+    headings = (
+        "time (s)", "x (m)", "y (m)", "heading (rad)", "half-width of x (m)", "of y (m)",
+        "of heading (rad)",
+    )  # fmt: skip
+    rows = np.column_stack([report.t_s, report.middle, report.radius])
+    chosen = list(thinned(len(rows), _ROWS))
+    return Table("the sets over time", headings, rows[chosen].tolist(), folded=True)
 
 
 def width_figure(report: LocalisationReport) -> Figure:
     """Half-widths over time."""
     panel = svg_panel(
-        partial(_paint_widths, report=report), label="Half-widths over time", width_in=8.0,
-        height_in=3.2,
+        partial(_paint_widths, report=report), label="Half-widths over time", width_in=4.6,
+        height_in=4.4,
     )  # fmt: skip
-    legend = tuple(Key(f"{name}, {unit}", colour) for name, unit, colour in _WIDTHS)
+    legend = tuple(Key(name, colour, DASHES[dashes]) for name, _, colour, dashes in _WIDTHS)
     caption = (
         f"Half-widths of the {100 * report.level:g} % set over time. Where no curve is drawn, "
         "there is no set: the place or the heading is not known."
@@ -126,14 +139,15 @@ def _paint_plan(canvas: Canvas, report: LocalisationReport) -> None:
 
 
 def _paint_widths(canvas: Canvas, report: LocalisationReport) -> None:
-    axes: Axes = canvas.add_subplot()
-    for k, (_, _, colour) in enumerate(_WIDTHS):
+    place, heading = canvas.subplots(2, 1, sharex=True)
+    for k, (_, unit, colour, dashes) in enumerate(_WIDTHS):
+        axes: Axes = place if unit == "m" else heading
         for part in _stretches(report):
-            axes.plot(report.t_s[part], report.radius[part, k], color=colour, lw=1.2)
-    axes.set_xlim(float(report.all_s[0]), float(report.all_s[-1]))
-    axes.set_ylim(bottom=0.0)
-    axes.set_xlabel("time (s)")
-    axes.set_ylabel("half-width (m, rad)")
+            axes.plot(report.t_s[part], report.radius[part, k], color=colour, ls=dashes, lw=1.2)
+        axes.set_ylim(bottom=0.0)
+        axes.set_ylabel(f"half-width ({unit})")
+    heading.set_xlim(float(report.all_s[0]), float(report.all_s[-1]))
+    heading.set_xlabel("time (s)")
 
 
 def _stretches(report: LocalisationReport) -> list[NDArray[np.intp]]:

@@ -13,6 +13,7 @@ from matplotlib.patches import Circle, Polygon
 
 from workbench.report.drawing import (
     BLUE,
+    DASHES,
     GREEN,
     INK,
     SKY,
@@ -30,13 +31,15 @@ from workbench.simulation.paper.panels import Panel
 CONFIDENCES: Final = ("high", "medium", "low")
 _SHADES: Final = ((0.06, 0.45), (0.08, 0.7), (0.10, 1.0))
 """Fill and edge of each nested tube, the largest first."""
+_TRACK: Final = (GREEN, "-")
+_BRAKE: Final = (VERMILLION, "--")
 _DRAWN: Final = 7
 _BESIDE_M: Final = 1.5
 _WIDTH_IN, _HEIGHT_IN = 4.7, 4.0
 
 
 def results_figure(panels: Sequence[Panel]) -> Figure:
-    """The four decisions; green where TRACK was decided, red where BRAKE was."""
+    """The four decisions; green where TRACK was decided, red and dashed where BRAKE was."""
     pictures = tuple(
         svg_panel(
             partial(_paint_alone, panel=each), label=f"{each.title}, {_said(each)}",
@@ -48,10 +51,10 @@ def results_figure(panels: Sequence[Panel]) -> Figure:
         Key("path", INK, "7 3"),
         Key("car, and its way so far", INK),
         *(
-            Key(f"where TRACK may take the car; {decided} was decided", colour, filled=True)
-            for decided, colour in (("TRACK", GREEN), ("BRAKE", VERMILLION))
+            Key(f"where TRACK may take the car; {decided} was decided", colour, DASHES[dashes])
+            for decided, (colour, dashes) in (("TRACK", _TRACK), ("BRAKE", _BRAKE))
         ),
-        Key("person as measured so far", BLUE),
+        Key("person as measured so far", BLUE, mark="o"),
         Key("where the person truly went", BLUE, "2 3"),
         Key("predicted for the person", SKY, filled=True),
     )  # fmt: skip
@@ -105,9 +108,8 @@ def _paint_alone(canvas: Canvas, *, panel: Panel) -> None:
 def _paint(axes: Axes, panel: Panel, *, ink: str) -> None:
     axes.plot(*zip(*panel.path, strict=True), color=ink, linestyle="--", linewidth=0.9)
     axes.plot(*zip(*panel.travelled, strict=True), color=ink, linewidth=1.0, alpha=0.7)
-    colour = GREEN if panel.tracks else VERMILLION
     for tube, (fill, edge) in zip(panel.tubes, _SHADES, strict=True):
-        _paint_tube(axes, tube, colour, fill, edge)
+        _paint_tube(axes, tube, _TRACK if panel.tracks else _BRAKE, (fill, edge))
     body = Polygon(corners(panel.body), facecolor="none", edgecolor=ink, linewidth=1.8, zorder=4.0)
     axes.add_patch(body)
     for way in panel.true_way:
@@ -127,15 +129,16 @@ def _paint(axes: Axes, panel: Panel, *, ink: str) -> None:
 
 
 def _paint_tube(
-    axes: Axes, tube: Sequence[Rectangle], colour: str, fill: float, edge: float
+    axes: Axes, tube: Sequence[Rectangle], style: tuple[str, str], shades: tuple[float, float]
 ) -> None:
     """A few rectangles from now to the end, so that the nested ones can be told apart."""
+    (colour, dashes), (fill, edge) = style, shades
     shapes = [shape for shape in tube if drawable(shape)]
     for k in thinned(len(shapes), _DRAWN):
         axes.add_patch(
             Polygon(
                 corners(shapes[k]), facecolor=(colour, fill), edgecolor=(colour, edge),
-                linewidth=0.4 + 0.8 * edge,
+                linewidth=0.4 + 0.8 * edge, linestyle=dashes,
             )
         )  # fmt: skip
 

@@ -18,18 +18,22 @@ from workbench.estimation.intent_scenarios import CROSSING, errands
 from workbench.estimation.intent_trajectory import trajectories
 from workbench.report.drawing import (
     BLUE,
+    DASHES,
     GREEN,
     INK,
     SKY,
     VERMILLION,
     YELLOW,
+    Dashes,
     Figure,
     Key,
     svg_panel,
 )
-from workbench.report.intent import PersonPicture, PredictedWay
+from workbench.report.intent import PersonPicture, PredictedWay, answers_table
 
-_COLOURS: Final = (VERMILLION, YELLOW, GREEN)
+_STYLES: Final[tuple[tuple[str, Dashes], ...]] = (
+    (VERMILLION, "--"), (YELLOW, "-."), (GREEN, (0.0, (9.0, 3.0))),
+)  # fmt: skip
 _ERRAND, _AFTER_S = 1, 0.6
 _NOISE_M, _SEED, _PERIOD_S = 0.2, 3, 0.2
 _LEAST, _WAYS_S = 0.02, 20.0
@@ -70,11 +74,11 @@ def intent_figure(person: PersonPicture) -> Figure:
         for paint, label in ((_paint_ways, "seen from above"), (_paint_odds, "over time"))
     )  # fmt: skip
     legend = (
-        Key("measured", BLUE),
+        Key("measured", BLUE, mark="o"),
         Key("measured later", BLUE, "2 3"),
         Key("predicted, the bolder the likelier", SKY),
-        *(Key(f"goal {name}", colour, filled=True)
-          for name, colour in zip(person.goals, _COLOURS, strict=True)),
+        *(Key(f"goal {name}", colour, DASHES[dashes])
+          for name, (colour, dashes) in zip(person.goals, _STYLES, strict=True)),
     )  # fmt: skip
     at_s = person.t_s[person.drawn]
     caption = (
@@ -82,7 +86,7 @@ def intent_figure(person: PersonPicture) -> Figure:
         f"at {at_s:.1f} s, {_AFTER_S:g} s after the change of mind; right: the answers after each "
         "measurement."
     )
-    return Figure(panels, legend, caption)
+    return Figure(panels, legend, caption, answers_table(person))
 
 
 def intent_picture() -> Canvas:
@@ -104,8 +108,8 @@ def _alone(
 
 def _paint_ways(axes: Axes, person: PersonPicture) -> None:
     angle = np.linspace(0.0, 2.0 * np.pi, 61)
-    for place, spread, name, colour in zip(
-        person.goal_xy_m, person.goal_spread_m, person.goals, _COLOURS, strict=True
+    for place, spread, name, (colour, _) in zip(
+        person.goal_xy_m, person.goal_spread_m, person.goals, _STYLES, strict=True
     ):
         ring = place + spread * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         axes.fill(*ring.T, facecolor=colour, alpha=0.8, linewidth=0.0)
@@ -125,9 +129,9 @@ def _paint_ways(axes: Axes, person: PersonPicture) -> None:
 
 def _paint_odds(axes: Axes, person: PersonPicture) -> None:
     """An answer holds until the next measurement."""
-    for column, colour in zip(person.probability.T, _COLOURS, strict=True):
-        axes.step(person.t_s, column, where="post", color=colour, linewidth=1.8)
-    axes.axvline(person.t_s[person.drawn], color=SKY, linewidth=1.2)
+    for column, (colour, dashes) in zip(person.probability.T, _STYLES, strict=True):
+        axes.step(person.t_s, column, where="post", color=colour, ls=dashes, linewidth=1.8)
+    axes.axvline(person.t_s[person.drawn], color="0.5", linewidth=1.0)
     axes.set_ylim(-0.03, 1.03)
     axes.set_xlabel("time (s)")
-    axes.set_ylabel("probability")
+    axes.set_ylabel("probability (1)")

@@ -83,7 +83,7 @@ def plane_figure(frame: Frame, travelled: Sequence[Point] = ()) -> Figure:
                 VERDICT_COLOURS[answer.verdict])
             for answer in frame.policies[1:]
         ),
-        Key("person and prediction", BLUE, filled=True),
+        Key("person and prediction", BLUE, mark="o"),
         *([Key("where the guard lets them be", BLUE, "2 4")] if _guarded(frame) else ()),
     )  # fmt: skip
     caption = f"The decision at {frame.t_s:.2f} s. {frame.reason}"

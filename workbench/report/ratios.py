@@ -13,22 +13,9 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from workbench.report.curves import Values, require_shape
-from workbench.report.drawing import (
-    BLUE,
-    GREEN,
-    INK,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    Figure,
-    svg_panel,
-    thinned,
-)
+from workbench.report.drawing import INK, STYLES, Figure, svg_panel, thinned
 from workbench.report.tables import Cell, Table
 
-_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, INK)
-_DASHES = ("-", "--", "-.", ":")
 # Ratios beyond this say no more than that a method is of no use there.
 _HIGHEST = 1e3
 # Up to this ratio the scale is linear.
@@ -82,7 +69,7 @@ def _paint(canvas: Canvas, *, times_s: Values, curves: Sequence[RatioCurve], tit
     axes: Axes = canvas.add_subplot()
     top = 1.2
     for i, curve in enumerate(curves):
-        colour, line = _COLOURS[i % len(_COLOURS)], _DASHES[i % len(_DASHES)]
+        colour, line = STYLES[i % len(STYLES)]
         drawn = np.where(curve.ratios <= _HIGHEST, curve.ratios, np.nan)
         axes.plot(times_s, drawn, color=colour, linestyle=line, linewidth=1.8, label=curve.label)
         top = max(top, _top(drawn))

@@ -11,8 +11,10 @@ from matplotlib.figure import Figure as Canvas
 
 from workbench.claims import Verdict
 from workbench.report.drawing import (
+    HATCHES,
     INK,
     VERDICT_COLOURS,
+    VERDICT_HATCHES,
     VERMILLION,
     Figure,
     Key,
@@ -46,8 +48,21 @@ def level_timeline(frames: Sequence[Frame], levels: Sequence[str]) -> Figure:
         height_in=0.9 + 0.24 * (len(rows) + len(failed) + 1),
     )
     legend = (
-        *(Key(verdict.value, VERDICT_COLOURS[verdict], filled=True) for verdict in Verdict),
-        Key("an assumption failed, or somebody was alerted", VERMILLION, filled=True),
+        *(
+            Key(
+                verdict.value,
+                VERDICT_COLOURS[verdict],
+                filled=True,
+                hatch=VERDICT_HATCHES[verdict],
+            )
+            for verdict in Verdict
+        ),
+        Key(
+            "an assumption failed, or somebody was alerted",
+            VERMILLION,
+            filled=True,
+            hatch=HATCHES[-1],
+        ),
     )
     caption = (
         "One bar per tube and nested set, the largest set first; a gap means that nothing was "
@@ -115,10 +130,15 @@ def _paint(
     for at, row in enumerate(rows):
         for verdict in Verdict:
             bars = _bars(frames, lengths, row, verdict)
-            axes.broken_barh(bars, (at - 0.38, 0.76), color=VERDICT_COLOURS[verdict], lw=0)
+            axes.broken_barh(
+                bars, (at - 0.38, 0.76), facecolor=VERDICT_COLOURS[verdict], edgecolor=INK,
+                hatch=VERDICT_HATCHES[verdict], lw=0,
+            )  # fmt: skip
     for at, spans in enumerate(failed.values(), start=len(rows)):
         bars = [(since, until - since + 0.1) for since, until in spans]
-        axes.broken_barh(bars, (at - 0.38, 0.76), color=VERMILLION, lw=0)
+        axes.broken_barh(
+            bars, (at - 0.38, 0.76), facecolor=VERMILLION, edgecolor=INK, hatch=HATCHES[-1], lw=0
+        )
     if failed and rows:
         axes.axhline(len(rows) - 0.5, color=INK, lw=0.8, alpha=0.5)
     names = [*labels, *(name.lower().replace("_", " ")[:18] for name in failed)]

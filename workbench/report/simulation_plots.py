@@ -15,6 +15,7 @@ from workbench.report.curves import Values, require_shape
 from workbench.report.drawing import (
     BLUE,
     GREEN,
+    HATCHES,
     INK,
     PURPLE,
     SKY,
@@ -81,12 +82,12 @@ def drive_figure(curves: DriveCurves) -> Figure:
     )  # fmt: skip
     legend = (
         Key("true: distance, speed, acceleration", INK),
-        Key("proved clearance", GREEN),
+        Key("proved clearance", GREEN, mark="."),
         Key("reference speed", BLUE, "7 3"),
         Key("way to standstill, least to greatest", SKY, filled=True),
         Key("jerk", PURPLE),
         Key("BRAKE is sent, needed", INK, filled=True),
-        Key("BRAKE is sent, needless", VERMILLION, filled=True),
+        Key("BRAKE is sent, needless", VERMILLION, filled=True, hatch=HATCHES[1]),
     )
     caption = (
         f"Distances beyond {_FAR_M:g} m are not drawn. The clearance is that of TRACK to where "
@@ -105,9 +106,11 @@ def _paint(canvas: Canvas, *, curves: DriveCurves) -> None:
     for axes in (distance, speed, stop, hard, jerk):
         for each in curves.braking:
             colour = VERMILLION if each.needless else INK
+            hatch, alpha = (HATCHES[1], 0.3) if each.needless else ("", 0.15)
             axes.axvspan(
-                each.since_s, each.until_s, color=colour, alpha=0.15 if colour == INK else 0.3, lw=0
-            )
+                each.since_s, each.until_s, facecolor=(colour, alpha), edgecolor=INK, hatch=hatch,
+                lw=0,
+            )  # fmt: skip
     _paint_distance(distance, curves)
     speed.plot(curves.t_s, curves.speed_mps, color=INK, lw=1.3)
     speed.plot(curves.decided_s, curves.reference_mps, color=BLUE, ls="--", lw=1.1)

@@ -12,9 +12,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from workbench.errors import InputError
-from workbench.report.drawing import BLUE, GREEN, ORANGE, VERMILLION, Figure, Key, svg_panel
+from workbench.report.drawing import (
+    BLUE,
+    GREEN,
+    HATCHES,
+    INK,
+    ORANGE,
+    VERMILLION,
+    Figure,
+    Key,
+    svg_panel,
+)
 from workbench.report.page import Notice, Page, Section
 from workbench.report.tables import Table
+from workbench.simulation.campaign.tallies import Tally
 
 _COLOURS: Final = (BLUE, ORANGE, GREEN, VERMILLION)
 
@@ -31,6 +42,13 @@ class Bar:
     needless_per_km: tuple[float, float, float]
     standing: float
     avoidable: float
+
+    @classmethod
+    def of(cls, tally: Tally) -> Bar:
+        """What a survey counted."""
+        rate = tally.needless
+        shares = tally.standing, tally.avoidable / tally.runs
+        return cls(tally.plant, tally.contender, (rate.per_km, rate.low, rate.high), *shares)
 
 
 @final
@@ -63,13 +81,29 @@ def needless_figure(report: SurveyReport) -> Figure:
     """Needless stops per km, with intervals."""
     panel = svg_panel(
         partial(_paint_needless, bars=report.bars), label="Needless stops per km",
-        width_in=8.0, height_in=_height_in(report.bars),
+        width_in=4.6, height_in=_height_in(report.bars),
     )  # fmt: skip
     caption = (
         "Needless stops per km with 95 % bootstrap intervals; no bar: it did not set off at all, "
         "which is no merit."
     )
-    return Figure((panel,), _legend(report.bars), caption, wide=True)
+    return Figure((panel,), _legend(report.bars), caption, _numbers(report.bars), wide=True)
+
+
+def _numbers(bars: Sequence[Bar]) -> Table:
+    headings = (
+        "plant", "who drives", "needless stops (1/km)", "from (1/km)", "to (1/km)",
+        "time at standstill (1)", "runs with an avoidable contact (1)",
+    )  # fmt: skip
+    rows = [
+        (
+            bar.plant, bar.contender,
+            *(None if math.isnan(value) else value for value in bar.needless_per_km),
+            bar.standing, bar.avoidable,
+        )
+        for bar in bars
+    ]  # fmt: skip
+    return Table("what the pictures show", headings, rows, folded=True)
 
 
 def share_figure(report: SurveyReport) -> Figure:
@@ -94,17 +128,22 @@ def _height_in(bars: Sequence[Bar]) -> float:
 
 def _legend(bars: Sequence[Bar]) -> tuple[Key, ...]:
     return tuple(
-        Key(plant, _COLOURS[k % len(_COLOURS)], filled=True)
+        Key(plant, _look(k)[0], filled=True, hatch=_look(k)[1])
         for k, plant in enumerate(_plants(bars))
     )
+
+
+def _look(plant: int) -> tuple[str, str]:
+    """Colour and pattern of a plant's bars."""
+    return _COLOURS[plant % len(_COLOURS)], HATCHES[plant % len(HATCHES)]
 
 
 def _plants(bars: Sequence[Bar]) -> list[str]:
     return list(dict.fromkeys(bar.plant for bar in bars))
 
 
-def _places(bars: Sequence[Bar], axes: Axes) -> list[tuple[Bar, float, float, str]]:
-    """Bars with their place, thickness and colour; the contenders' names on the axis."""
+def _places(bars: Sequence[Bar], axes: Axes) -> list[tuple[Bar, float, float, int]]:
+    """Bars with their place, thickness and plant; the contenders' names on the axis."""
     plants, names = _plants(bars), list(dict.fromkeys(bar.contender for bar in bars))
     thick = 0.8 / len(plants)
     axes.set_yticks([-float(k) for k in range(len(names))], names, fontsize=8)
@@ -112,26 +151,34 @@ def _places(bars: Sequence[Bar], axes: Axes) -> list[tuple[Bar, float, float, st
     for bar in bars:
         k = plants.index(bar.plant)
         place = -names.index(bar.contender) - (k - 0.5 * (len(plants) - 1)) * thick
-        found.append((bar, place, thick, _COLOURS[k % len(_COLOURS)]))
+        found.append((bar, place, thick, k))
     return found
 
 
 def _paint_needless(canvas: Canvas, bars: Sequence[Bar]) -> None:
     axes: Axes = canvas.add_subplot()
-    for bar, place, thick, colour in _places(bars, axes):
+    for bar, place, thick, plant in _places(bars, axes):
         value, low, high = bar.needless_per_km
         if math.isnan(value):
             continue
-        axes.barh(place, value, height=0.9 * thick, color=colour, alpha=0.7)
-        axes.plot([low, high], [place, place], color="black", lw=1.0)
+        _bar(axes, place, value, thick, plant)
+        axes.plot([low, high], [place, place], color=INK, lw=1.4)
     axes.set_xlim(left=0.0)
-    axes.set_xlabel("needless stops per km")
+    axes.set_xlabel("needless stops (1/km)")
+
+
+def _bar(axes: Axes, place: float, value: float, thick: float, plant: int) -> None:
+    colour, hatch = _look(plant)
+    axes.barh(
+        place, value, height=0.9 * thick, facecolor=colour, edgecolor=INK, lw=0, hatch=hatch,
+        alpha=0.7,
+    )  # fmt: skip
 
 
 def _paint_share(canvas: Canvas, bars: Sequence[Bar], name: str) -> None:
     axes: Axes = canvas.add_subplot()
-    for bar, place, thick, colour in _places(bars, axes):
-        axes.barh(place, getattr(bar, name), height=0.9 * thick, color=colour, alpha=0.7)
+    for bar, place, thick, plant in _places(bars, axes):
+        _bar(axes, place, getattr(bar, name), thick, plant)
     top = max(getattr(bar, name) for bar in bars)
     axes.set_xlim(0.0, max(1.05 * top, 0.01))
-    axes.set_xlabel({"standing": "share of the time", "avoidable": "share of runs"}[name])
+    axes.set_xlabel({"standing": "share of the time (1)", "avoidable": "share of runs (1)"}[name])

@@ -1,4 +1,4 @@
-"""Numbers as tables, with a button in the page that saves them as CSV."""
+"""Numbers as tables, with a button in the page that saves them as CSV, more digits than shown."""
 
 from __future__ import annotations
 
@@ -29,6 +29,17 @@ def shown(cell: Cell) -> str:
             return "0"
         return f"{cell:.4g}" if math.isfinite(cell) else {True: "∞", False: "–"}[cell == math.inf]
     return str(cell)
+
+
+def written(cell: Cell) -> str:
+    """A cell in a CSV file: nine significant digits, nothing for nothing.
+
+    >>> written(0.1234567891), written(None), written(float("inf")), written(True), written("x")
+    ('0.123456789', '', 'inf', 'True', 'x')
+    """
+    if isinstance(cell, float):
+        return "" if math.isnan(cell) else f"{cell:.9g}"
+    return "" if cell is None else str(cell)
 
 
 @final
@@ -62,7 +73,7 @@ class Table:
         caption = escaped(self.caption)
         grid = (
             f'<div class="table" tabindex="0" role="region" aria-label="{caption}"><table>'
-            f"<caption>{caption}</caption>"
+            f"<caption><span>{caption}</span></caption>"
             f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
         )
         if not self.folded:
@@ -71,5 +82,8 @@ class Table:
 
     @staticmethod
     def _cell(cell: Cell) -> str:
-        kind = "" if isinstance(cell, str) else ' class="number"'
-        return f"<td{kind}>{escaped(shown(cell))}</td>"
+        if isinstance(cell, str):
+            return f"<td>{escaped(cell)}</td>"
+        text, value = shown(cell), written(cell)
+        kept = f' data-v="{value}"' if value != text else ""
+        return f'<td class="number"{kept}>{escaped(text)}</td>'

@@ -16,6 +16,7 @@ from workbench.errors import InputError
 from workbench.report.drawing import (
     INK,
     VERDICT_COLOURS,
+    VERDICT_MARKS,
     VERMILLION,
     Figure,
     Key,
@@ -28,7 +29,6 @@ from workbench.simulation.frames import Frame
 _TABLE_ROWS = 1000
 _LONGEST_NAME = 12
 _LEVELS = {Verdict.INVALID: 0.0, Verdict.UNPROVED: 1.0, Verdict.SAFE: 2.0}
-_MARKS = {Verdict.SAFE: "o", Verdict.UNPROVED: "s", Verdict.INVALID: "X"}
 
 
 def require_frames(frames: Sequence[Frame]) -> None:
@@ -56,8 +56,12 @@ def verdict_timeline(frames: Sequence[Frame]) -> Figure:
         height_in=5.4,
     )
     legend = (
-        *(Key(verdict.value, VERDICT_COLOURS[verdict], filled=True) for verdict in Verdict),
-        Key("BRAKE is sent; violation or alert", VERMILLION),
+        *(
+            Key(verdict.value, VERDICT_COLOURS[verdict], mark=VERDICT_MARKS[verdict])
+            for verdict in Verdict
+        ),
+        Key("BRAKE is sent", VERMILLION, mark="."),
+        Key("violation or alert", VERMILLION, mark="|"),
     )
     caption = (
         "One mark per decision. Only SAFE permits tracking; UNPROVED does not mean unsafe. "
@@ -72,7 +76,7 @@ def _paint_timeline(canvas: Canvas, *, frames: Sequence[Frame]) -> None:
         4, 1, sharex=True, height_ratios=(1.0, 1.1, 1.2, 1.0)
     )
     _paint_said(said_axes, frames)
-    for verdict, mark in _MARKS.items():
+    for verdict, mark in VERDICT_MARKS.items():
         chosen = [frame for frame in frames if frame.verdict is verdict]
         times = [frame.t_s for frame in chosen]
         clearances = [math.nan if f.clearance_m is None else f.clearance_m for f in chosen]
@@ -101,7 +105,7 @@ def _paint_said(axes: Axes, frames: Sequence[Frame]) -> None:
     """A line of marks for each policy, one for violations, one for alerts."""
     names = dict.fromkeys(answer.policy for frame in frames for answer in frame.policies)
     lines = ["alert", "violation", *reversed(names)]
-    for name, (verdict, mark) in itertools.product(names, _MARKS.items()):
+    for name, (verdict, mark) in itertools.product(names, VERDICT_MARKS.items()):
         times = [
             f.t_s for f in frames for a in f.policies if (a.policy, a.verdict) == (name, verdict)
         ]

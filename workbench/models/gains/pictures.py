@@ -55,9 +55,9 @@ SPEED_LINES: Final = ((BLUE, "-"), (VERMILLION, "--"), (GREEN, "-."), (PURPLE, "
 MARGINS: Final[tuple[tuple[str, Callable[[SpeedPoint], float]], ...]] = (
     ("phase margin (deg)", lambda p: p.phase_deg),
     ("delay margin (s)", lambda p: p.delay_s),
-    ("disk margin (none)", lambda p: p.disk),
-    ("least damping ratio (none)", lambda p: p.damping),
-    ("least gain factor (none)", lambda p: p.gain_low),
+    ("disk margin (1)", lambda p: p.disk),
+    ("least damping ratio (1)", lambda p: p.damping),
+    ("least gain factor (1)", lambda p: p.gain_low),
     ("slowest pole's real part (1/s)", lambda p: p.abscissa_per_s),
 )
 
@@ -176,7 +176,7 @@ def draw_locus(axes: Axes, found: Responses) -> None:
         poles = continued(list(locus.poles))
         axes.plot(poles.real, poles.imag, color=colour, linestyle=dashes, linewidth=1.4)
         present = poles[int(np.argmin(np.abs(locus.factors - 1.0)))]
-        axes.plot(present.real, present.imag, linestyle="", marker="x", color=colour)
+        axes.plot(present.real, present.imag, linestyle="", marker="x", color=ink())
     least = min(float(locus.poles[locus.factors <= 2.0].real.min()) for locus in found.loci)
     axes.set_xlim(1.1 * least, max(-0.3 * least, 0.1))
     _complex_plane(axes)
@@ -198,8 +198,8 @@ def draw_nyquist(axes: Axes, found: Responses) -> None:
     axes.plot(-1.0, 0.0, marker="+", color=ink(), markersize=10, markeredgewidth=2)
     axes.set_xlim(-4.0, 1.5)
     axes.set_ylim(-3.0, 3.0)
-    axes.set_xlabel("real part of L (none)")
-    axes.set_ylabel("imaginary part of L (none)")
+    axes.set_xlabel("real part of L (1)")
+    axes.set_ylabel("imaginary part of L (1)")
 
 
 def draw_magnitude(axes: Axes, found: Responses) -> None:
@@ -209,7 +209,7 @@ def draw_magnitude(axes: Axes, found: Responses) -> None:
     axes.axhline(1.0, color=ink(), linewidth=0.8)
     _plain_logarithms(axes.xaxis, axes.yaxis)
     axes.set_xlabel("frequency (rad/s)")
-    axes.set_ylabel("|L| (none)")
+    axes.set_ylabel("|L| (1)")
 
 
 def draw_phase(axes: Axes, found: Responses) -> None:
@@ -270,8 +270,9 @@ def paint_sampled(canvas: FigureBase, found: SampledMap) -> None:
     """Where the spectral radius is below 1, with lines of equal radius."""
     axes = canvas.add_subplot()
     axes.contourf(
-        found.x, found.y, found.radius, levels=[0.0, 1.0, np.inf], colors=[SKY, ORANGE], alpha=0.55
-    )
+        found.x, found.y, found.radius, levels=[0.0, 1.0, np.inf], colors=[SKY, ORANGE],
+        hatches=[None, "///"], alpha=0.55,
+    )  # fmt: skip
     if found.radius.min() < 1.0 < found.radius.max():
         axes.contour(found.x, found.y, found.radius, levels=[1.0], colors=ink(), linewidths=2.0)
     lines = axes.contour(
@@ -296,4 +297,4 @@ def paint_jitter(canvas: FigureBase, found: JitterStudy) -> None:
     axes.axhline(1.0, color=ink(), linewidth=1.0)
     axes.ticklabel_format(axis="y", useOffset=False)
     axes.set_xlabel("jitter (s)")
-    axes.set_ylabel("rate per sample (none)")
+    axes.set_ylabel("rate per sample (1)")

@@ -38,11 +38,6 @@ HORIZON_S: Final = 3.0
 STEPS: Final = 60
 RUN_S: Final = 20.0
 RUN_STEP_S: Final = 0.05
-PARAMETERS: Final = {
-    "look-ahead": "look_ahead", "kp": "steering_gain_proportional",
-    "ki": "steering_gain_integral", "kd": "steering_gain_derivative",
-}  # fmt: skip
-"""Gain -> parameter of the loop."""
 _QUICK: Final = tuple("-O1" if flag.startswith("-O") else flag for flag in FLAGS)
 _DOUBLES: Final = ctypes.POINTER(ctypes.c_double)
 

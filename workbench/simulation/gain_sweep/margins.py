@@ -60,6 +60,30 @@ def loop_score(loop: LateralLoop) -> LoopScore:
     return LoopScore(reason, decay, phase, min(delays.tolist(), default=math.inf), 2.0 / peak)
 
 
+@final
+@dataclass(frozen=True, slots=True)
+class SpeedScore:
+    """Of the speed loop: whether it is stable, exact; margins NaN where not."""
+
+    stable: bool
+    phase_deg: float
+    delay_margin_s: float
+
+
+def speed_margins(proportional_per_s: float, integral_per_s2: float) -> SpeedScore:
+    """Of the loop (kp + ki / s) / s: v' = kp (v_ref - v) + ki J, J' = v_ref - v, without limits.
+
+    s^2 + kp s + ki is stable where kp, ki > 0, without an integral where kp > 0. |L| = 1 at
+    w^2 = (kp^2 + sqrt(kp^4 + 4 ki^2)) / 2, where the phase is atan(kp w / ki) above -180 degrees.
+    """
+    kp, ki = proportional_per_s, integral_per_s2
+    if not (kp > 0.0 and ki >= 0.0):
+        return SpeedScore(False, math.nan, math.nan)
+    crossed = math.sqrt((kp**2 + math.hypot(kp**2, 2.0 * ki)) / 2.0)
+    phase = math.atan2(kp * crossed, ki)
+    return SpeedScore(True, math.degrees(phase), phase / crossed)
+
+
 def _crossovers(top: Array, bottom: Array) -> Array:
     """Frequencies (rad/s) at which the magnitude is 1."""
     excess = np.polysub(_squared(top), _squared(bottom))

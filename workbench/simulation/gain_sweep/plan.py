@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Final, final
 
 from workbench.errors import InputError
-from workbench.models.gains.lateral import AXES
 from workbench.models.section_reading import (
     as_interval,
     as_number,
@@ -18,13 +17,19 @@ from workbench.models.section_reading import (
     as_text,
     require_keys,
 )
-from workbench.models.vehicle import gem_e2_path
-from workbench.simulation.gain_sweep.figures import figure
+from workbench.models.vehicle import gem_e2_path, gem_e2_recommended_path
+from workbench.simulation.gain_sweep.drives_section import Drives, drives_section
+from workbench.simulation.gain_sweep.figures import DRIVEN, FIGURES, figure
+from workbench.simulation.gain_sweep.gains import GAINS
 from workbench.simulation.simulated import simulated_path
 
-GAINS: Final = tuple(name for name in AXES if name != "speed")
-VEHICLES: Final = {"gem_e2": gem_e2_path, "gem_e2_simulated": simulated_path}
-METHODS: Final = ("grid", "sobol")
+VEHICLES: Final = {
+    "gem_e2": gem_e2_path, "gem_e2_recommended": gem_e2_recommended_path,
+    "gem_e2_simulated": simulated_path,
+}  # fmt: skip
+METHODS: Final = ("grid", "sobol", "tpe", "nsga2")
+SEARCHES: Final = ("tpe", "nsga2")
+"""Those that draw a point from what the points before it were worth."""
 _MOST: Final = 1_000_000
 
 
@@ -63,6 +68,26 @@ class Decision:
     trade: tuple[str, ...]
     choose: str
 
+    @property
+    def order(self) -> tuple[str, ...]:
+        """What is compared first, and then."""
+        return (self.choose, *(name for name in self.trade if name != self.choose))
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """All figures that it names."""
+        return tuple(dict.fromkeys((*self.at_least, *self.at_most, *self.trade)))
+
+    def before_drives(self) -> Decision:
+        """What of it can be decided without drives."""
+        trade = tuple(name for name in self.trade if name in FIGURES)
+        return Decision(
+            {name: bound for name, bound in self.at_least.items() if name in FIGURES},
+            {name: bound for name, bound in self.at_most.items() if name in FIGURES},
+            trade,
+            next(name for name in self.order if name in FIGURES),
+        )
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -70,6 +95,7 @@ class Plan:
     """A study: ranges (low = high: held) by gain, how points are drawn, cases, what decides.
 
     count: points beside the vehicle's own gains; a grid has `per_axis` on each axis that varies.
+    drives: None where nobody drives.
     """
 
     name: str
@@ -82,6 +108,12 @@ class Plan:
     seed: int
     cases: tuple[Case, ...]
     decision: Decision
+    drives: Drives | None = None
+
+    @property
+    def searches(self) -> bool:
+        """Whether a point depends on those before it."""
+        return self.method in SEARCHES
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -105,10 +137,10 @@ def load_plan(path: Path) -> Plan:
 
 def _plan(document: Mapping[str, object], folder: Path) -> Plan:
     require_keys("the file", document, ("study", "gains", "search", "cases", "decide"),
-                 what="section")  # fmt: skip
+                 ("drives",), what="section")  # fmt: skip
     study, gains, search = (as_table(k, document[k]) for k in ("study", "gains", "search"))
     require_keys("[study]", study, ("name", "claim"), ("vehicle",))
-    require_keys("[gains]", gains, (), GAINS)
+    require_keys("[gains]", gains, (), tuple(GAINS))
     ranges = {name: _range(name, value) for name, value in gains.items()}
     varied = sum(low < high for low, high in ranges.values())
     if not varied:
@@ -117,13 +149,16 @@ def _plan(document: Mapping[str, object], folder: Path) -> Plan:
     count = points**varied if method == "grid" else points
     if not 1 <= count <= _MOST:
         raise InputError(f"[search] points: expected 1 to {_MOST} points in all, got {count}")
+    drives = None
+    if "drives" in document:
+        drives = drives_section(as_table("drives", document["drives"]))
     return Plan(
         as_text("[study]", "name", study),
         as_text("[study]", "claim", study),
         _vehicle(study.get("vehicle", "gem_e2_simulated"), folder),
         ranges, method, points, count, seed,
         _cases(as_table("cases", document["cases"])),
-        _decision(as_table("decide", document["decide"])),
+        _decision(as_table("decide", document["decide"]), drives), drives,
     )  # fmt: skip
 
 
@@ -191,7 +226,7 @@ def _start(value: object) -> Start:
     return Start(as_text(where, "name", table), offset, factor)
 
 
-def _decision(table: Mapping[str, object]) -> Decision:
+def _decision(table: Mapping[str, object], drives: Drives | None) -> Decision:
     require_keys("[decide]", table, ("trade", "choose"), ("at_least", "at_most"))
     trade = table["trade"]
     if not isinstance(trade, list) or not trade:
@@ -202,7 +237,18 @@ def _decision(table: Mapping[str, object]) -> Decision:
             f"[decide] choose: expected one of those traded, {names}, got {table['choose']!r}"
         )
     bounds = [_bounds(key, table.get(key, {})) for key in ("at_least", "at_most")]
-    return Decision(bounds[0], bounds[1], names, str(table["choose"]))
+    found = Decision(bounds[0], bounds[1], names, str(table["choose"]))
+    unknown = [name for name in found.named if name in DRIVEN]
+    if unknown and drives is None:
+        raise InputError(
+            f"[decide]: expected a section [drives] too, since only drives say {unknown}; add one"
+        )
+    if not set(names) & set(FIGURES):
+        raise InputError(
+            f"[decide] trade: expected a figure that every point has, one of {', '.join(FIGURES)}, "
+            f"by which finalists are chosen, got {names} alone"
+        )
+    return found
 
 
 def _bounds(key: str, value: object) -> dict[str, float]:

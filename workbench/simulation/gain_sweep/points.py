@@ -1,4 +1,5 @@
-"""The points of a study: the vehicle's own gains first, then a grid or a Sobol sequence."""
+"""The points of a study that are known beforehand: the vehicle's own gains, then a grid or a Sobol
+sequence."""
 
 from __future__ import annotations
 
@@ -8,11 +9,9 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.stats import qmc
 
-from workbench.models.gains.lateral import LateralLoop
 from workbench.models.vehicle import Vehicle
-from workbench.simulation.gain_sweep.plan import GAINS, Plan
-
-Gains = dict[str, float]
+from workbench.simulation.gain_sweep.gains import Gains, own_gains
+from workbench.simulation.gain_sweep.plan import Plan
 
 
 def points(plan: Plan, vehicle: Vehicle, indices: Iterable[int]) -> list[Gains]:
@@ -20,11 +19,14 @@ def points(plan: Plan, vehicle: Vehicle, indices: Iterable[int]) -> list[Gains]:
 
     Sobol: Owen-scrambled by the seed, each index the same whatever the count.
     """
-    own = {name: LateralLoop.of(vehicle).value(name) for name in GAINS}
-    wanted = list(indices)
-    held = own | {name: low for name, (low, _) in plan.ranges.items()}
+    own, held, wanted = own_gains(vehicle), held_gains(plan, vehicle), list(indices)
     return [own if k == 0 else held | _drawn(plan, share)
             for k, share in zip(wanted, _shares(plan, wanted), strict=True)]  # fmt: skip
+
+
+def held_gains(plan: Plan, vehicle: Vehicle) -> Gains:
+    """What every point has but for the gains that vary."""
+    return own_gains(vehicle) | {name: low for name, (low, _) in plan.ranges.items()}
 
 
 def _shares(plan: Plan, indices: list[int]) -> list[list[float]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import itertools
 import math
@@ -16,9 +15,9 @@ from workbench.models.vehicle import Vehicle
 from workbench.runtime.policies.horizon import Timing
 from workbench.sets import Box
 from workbench.simulation.gain_sweep.figures import INSTANTS_S
+from workbench.simulation.gain_sweep.gains import as_parameters, own_gains, with_gains
 from workbench.simulation.gain_sweep.kernels import (
     HORIZON_S,
-    PARAMETERS,
     RUN_S,
     RUN_STEP_S,
     STEP_S,
@@ -26,47 +25,39 @@ from workbench.simulation.gain_sweep.kernels import (
     Kernels,
     Tube,
 )
-from workbench.simulation.gain_sweep.margins import LoopScore, loop_score
+from workbench.simulation.gain_sweep.margins import LoopScore, loop_score, speed_margins
 from workbench.simulation.gain_sweep.plan import Case, as_data
 from workbench.simulation.simulated import MONITOR
 
 Score = dict[str, str | float | bool]
 SETTLED_M: Final = 0.05
+SPEED_SETTLED_MPS: Final = 0.05
 _CORNERS: Final = ("offset", "heading_error", "speed")
 # Of a run whose offset leaves this band nothing more is said.
 _LOST_M: Final = 1e3
-
-
-def with_gains(vehicle: Vehicle, gains: Mapping[str, float], speed_mps: float) -> Vehicle:
-    """The vehicle with these steering gains and this reference speed."""
-    steering = dataclasses.replace(
-        vehicle.steering_pid,
-        proportional_radps_per_m=gains["kp"],
-        integral_radps_per_ms=gains["ki"],
-        derivative_rad_per_m=gains["kd"],
-        look_ahead_m=gains["look-ahead"],
-    )
-    operation = dataclasses.replace(vehicle.operation, reference_speed_mps=speed_mps)
-    return dataclasses.replace(vehicle, steering_pid=steering, operation=operation)
 
 
 def score(kernels: Kernels, gains: Mapping[str, float], case: Case) -> Score:
     """One row: gains, case and every figure; NaN for what the proof or the runs do not reach."""
     vehicle = with_gains(kernels.vehicle, gains, case.speed_mps)
     loop = loop_score_of(LateralLoop.of(vehicle))
-    parameters = {PARAMETERS[name]: value for name, value in gains.items()}
-    parameters["reference_speed"] = case.speed_mps
+    speed = speed_margins(vehicle.speed_pid.proportional_per_s, vehicle.speed_pid.integral_per_s2)
+    parameters = as_parameters(gains) | {"reference_speed": case.speed_mps}
     start = start_of(vehicle, case)
     tube = kernels.tube.tube(start, parameters, inputs_of(vehicle, case))
     middle = sum(case.curvature_per_m) / 2.0
     runs = kernels.runs.runs(corners(start, kernels.runs.ode.names), parameters, middle)
     found: Score = {
-        **dict(gains), **as_data(case), "stable": loop.stable, "reason": loop.reason.short,
+        **own_gains(vehicle), **as_data(case),
+        "stable": loop.stable and speed.stable,
+        "reason": loop.reason.short if speed.stable or not loop.stable else "speed loop",
         "decay_per_s": loop.decay_per_s, "phase_deg": loop.phase_deg,
         "delay_margin_s": loop.delay_margin_s, "disk": loop.disk, "tube_whole": tube.whole,
+        "speed_phase_deg": speed.phase_deg, "speed_delay_margin_s": speed.delay_margin_s,
     }  # fmt: skip
     names = kernels.tube.ode.names
-    return found | _tube_figures(vehicle, tube, names) | _run_figures(vehicle, runs, names)
+    found |= _tube_figures(vehicle, tube, names) | run_figures(vehicle, runs, names)
+    return found | speed_figures(runs[:, :, names.index("speed")], case.speed_mps)
 
 
 @functools.lru_cache(maxsize=64)
@@ -121,6 +112,7 @@ def _tube_figures(vehicle: Vehicle, tube: Tube, names: tuple[str, ...]) -> dict[
         for t in INSTANTS_S:
             k = round(t / STEP_S)
             found[f"{name}_{t:g}s_m"] = float(values[k]) if k < len(values) else math.nan
+    found["area_3s_m2"] = 4.0 * found["along_3s_m"] * found["lateral_3s_m"]
     found["growth"] = float(lateral.max() / lateral[0]) if tube.whole else math.nan
     return found | {"stopping_m": stopping_m(vehicle, tube, names, MONITOR.timing)}
 
@@ -144,7 +136,7 @@ def stopping_m(vehicle: Vehicle, tube: Tube, names: tuple[str, ...], timing: Tim
     return reached + fastest * wait_s + fastest**2 / (2.0 * (brake.deceleration_min_mps2 - off))
 
 
-def _run_figures(vehicle: Vehicle, runs: Array, names: tuple[str, ...]) -> dict[str, float]:
+def run_figures(vehicle: Vehicle, runs: Array, names: tuple[str, ...]) -> dict[str, float]:
     """Settling: the last time at which a run is more than SETTLED_M from where it ends, NaN where
     that is in the last tenth of the time; saturated: share of the time before, whole steps alone.
     """
@@ -161,4 +153,18 @@ def _run_figures(vehicle: Vehicle, runs: Array, names: tuple[str, ...]) -> dict[
         "settling_s": settled if settled <= 0.9 * RUN_S else math.nan,
         "rest_m": float(np.abs(offset[:, -1]).max()),
         "saturated": float(at_limit[:, :steps].mean()),
+    }
+
+
+def speed_figures(speeds: Array, reference_mps: float) -> dict[str, float]:
+    """Of runs' speeds (runs x instants, m/s): the last time that one is more than SPEED_SETTLED_MPS
+    from the reference, NaN where that is in the last tenth; and the farthest beyond it, seen from
+    where the run begins."""
+    error = speeds - reference_mps
+    away = np.flatnonzero((np.abs(error) > SPEED_SETTLED_MPS).any(axis=0))
+    settled = RUN_STEP_S * (int(away[-1]) if len(away) else 0)
+    beyond = -np.sign(error[:, :1]) * error
+    return {
+        "speed_settling_s": settled if settled <= 0.9 * RUN_S else math.nan,
+        "speed_overshoot_mps": float(beyond.max(initial=0.0)),
     }

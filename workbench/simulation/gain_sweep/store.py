@@ -3,6 +3,7 @@
 manifest.json, study.toml, vehicle.toml
 kernels/tube.so, kernels/runs.so        machine code, by its SHA-256 in kernels/kernels.json
 parts/FIRST-LAST.parquet                one row per point and case
+bundles, drives                         of finalists, see `driving`
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ from workbench import __version__
 from workbench.errors import InputError
 from workbench.models.vehicle import Vehicle, load_vehicle
 from workbench.simulation.campaign.parts import Parts, write_whole
-from workbench.simulation.gain_sweep.kernels import PARAMETERS, Kernels, Sources, build_kernels
+from workbench.simulation.gain_sweep.drives_section import check_drives
+from workbench.simulation.gain_sweep.gains import GAINS, own_gains, with_gains
+from workbench.simulation.gain_sweep.kernels import Kernels, Sources, build_kernels
 from workbench.simulation.gain_sweep.plan import Plan, load_plan
-from workbench.simulation.gain_sweep.scores import inputs_of, with_gains
+from workbench.simulation.gain_sweep.scores import inputs_of
 
 PART: Final = 64
 """Points per part, at most."""
@@ -146,7 +149,10 @@ class SweepStore:
 
 
 def _check(plan: Plan, vehicle: Vehicle) -> None:
-    """Raise InputError on cases outside of what the vehicle file's proofs are about."""
+    """Raise InputError on cases outside of what the vehicle file's proofs are about, and on drives
+    that it cannot do."""
+    if plan.drives is not None:
+        check_drives(vehicle)
     most = vehicle.operation.curvature_per_m
     low, high = vehicle.operation.region.interval("speed")
     for case in plan.cases:
@@ -164,15 +170,11 @@ def _check(plan: Plan, vehicle: Vehicle) -> None:
 
 def _ranges(plan: Plan, vehicle: Vehicle) -> dict[str, tuple[float, float]]:
     """Of the loop's parameters and disturbances over all points and cases."""
-    own = vehicle.steering_pid
-    values = {
-        "kp": own.proportional_radps_per_m, "ki": own.integral_radps_per_ms,
-        "kd": own.derivative_rad_per_m, "look-ahead": own.look_ahead_m,
-    }  # fmt: skip
+    values = own_gains(vehicle)
     ranges = {
         name: _hull(value, *plan.ranges.get(name, (value, value))) for name, value in values.items()
     }
-    found = {PARAMETERS[name]: each for name, each in ranges.items()}
+    found = {GAINS[name].parameter: each for name, each in ranges.items()}
     found["reference_speed"] = _hull(*(case.speed_mps for case in plan.cases))
     # N and W grow with kd and look-ahead where [drive_by_wire] implies them.
     largest = {name: max(each, key=abs) for name, each in ranges.items()}
