@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 from workbench.cli.analysis_options import count, seed, text_table
 from workbench.cli.common import add_output_option
 from workbench.cli.output import emit
+from workbench.cli.simulate_localiser import add_localiser_options, require_localiser_options
 from workbench.cli.simulate_subject import add_rig_options, require_rig_options
 from workbench.errors import InputError
 
@@ -25,6 +26,7 @@ workbench simulate paper_crossing_simulation --out out/crossing
 workbench simulate my_scenario.toml --plant multi-body --policy LookAhead
 workbench simulate my_scenario.toml --plant every --policy every --desk
 workbench simulate --all --desk --jobs 4
+workbench simulate paper_crossing_vehicle --localiser --out out/ranged
 """
 PLANTS: Final = ("bicycle", "single-track", "multi-body")
 POLICIES: Final = ("LookAhead", "FailSafe", "both")
@@ -58,6 +60,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--intents", action="store_true",
         help="estimate what people want from the scenario's goals, and tell the monitor",
     )  # fmt: skip
+    add_localiser_options(parser)
     parser.add_argument(
         "--desk", action="store_true", help="without frames, faster, and without a page"
     )
@@ -106,6 +109,7 @@ def _require(args: argparse.Namespace) -> None:
             "--real-time, --intents: expected one SCENARIO, plant and policy, got several; name one"
         )
     require_rig_options(args)
+    require_localiser_options(args)
     if args.bundle is not None and args.real_time:
         raise InputError(
             "--real-time: expected without --bundle: the process drives the path of its bundle, "

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, final
 
 from workbench.cli.common import output_folder
 from workbench.cli.output import Progress, emit
+from workbench.cli.simulate_localiser import built_localiser, localiser_notes, ranging_of
 from workbench.cli.simulate_subject import (
     chosen_estimator,
     chosen_rig,
@@ -177,14 +178,18 @@ def _in_virtual_time(
     from workbench.runtime import Deciding
     from workbench.simulation.bus_world import BusSetting
 
-    rig = chosen_rig(args)
+    rig = chosen_rig(args, ranged=args.localiser)
     progress(0, 1)
     estimator = chosen_estimator(rig, trial.scenario) if args.intents else None
-    setting = BusSetting(rig.settings.maker, estimator)
+    ranging = ranging_of(built_localiser(args)) if args.localiser else None
+    setting = BusSetting(rig.settings.maker, estimator, ranging)
     begun_s = time.monotonic()
     driven = rig.on_bus(trial, deciding=Deciding(args.policy), setting=setting, progress=progress)
+    took_s = time.monotonic() - begun_s
     notes = ("what people want is estimated, and told to LookAhead",) if args.intents else ()
-    return rig, driven, time.monotonic() - begun_s, notes
+    if args.localiser:
+        notes = (*notes, *localiser_notes(driven))
+    return rig, driven, took_s, notes
 
 
 def _data(found: Found) -> dict[str, object]:

@@ -98,21 +98,26 @@ def chosen_sensors(args: argparse.Namespace) -> str | None:
     return text
 
 
-def chosen_rig(args: argparse.Namespace, folder: Path | None = None) -> Rig:
+def chosen_rig(
+    args: argparse.Namespace, folder: Path | None = None, *, ranged: bool = False
+) -> Rig:
     """The bundle of `--bundle`, or one that is built (into `folder`, where one is given).
 
+    ranged: for a car that its own localiser tells where it is; its sensors file is another.
     Raises InputError for a bundle that cannot drive, or is for a car of another shape.
     """
     from workbench.runtime import load_bundle
     from workbench.simulation.rig import Rig
-    from workbench.simulation.simulated import HORIZON_S, build_rig
+    from workbench.simulation.simulated import HORIZON_S, build_rig, ranged_sensors
 
     vehicle = chosen_vehicle(args)
     if args.bundle is None:
+        sensors = chosen_sensors(args)
+        if sensors is None and ranged:
+            sensors = ranged_sensors()
         return build_rig(
-            folder, vehicle=vehicle, horizon_s=args.horizon or HORIZON_S,
-            sensors=chosen_sensors(args),
-        )  # fmt: skip
+            folder, vehicle=vehicle, horizon_s=args.horizon or HORIZON_S, sensors=sensors
+        )
     bundle = load_bundle(args.bundle)
     require_fit(bundle, vehicle, args.bundle)
     return Rig(bundle, vehicle)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, final
 from workbench.cli.analysis_options import text_table
 from workbench.cli.output import Progress, emit
 from workbench.cli.simulate import EVERY, PLANTS, POLICIES
+from workbench.cli.simulate_localiser import built_localiser, ranging_of
 from workbench.cli.simulate_subject import (
     chosen_rig,
     chosen_scenario,
@@ -25,16 +26,20 @@ from workbench.cli.simulate_subject import (
 )
 
 if TYPE_CHECKING:
+    from workbench.runtime.localiser.folder import Built
     from workbench.simulation.rig import Rig
+    from workbench.simulation.told_scores import ToldScores
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One drive: where the bundle and the vehicle file are, and what drives what."""
+    """One drive: where the bundle and the vehicle file are, and the localiser, None for none; and
+    what drives what."""
 
     bundle: Path
     vehicle: Path
+    localiser: Path | None
     scenario: str
     plant: str
     policy: str
@@ -45,7 +50,7 @@ class Task:
 @final
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What came of one drive; faster: than real time, without building."""
+    """What came of one drive; faster: than real time, without building; told: by its localiser."""
 
     scenario: str
     plant: str
@@ -54,6 +59,7 @@ class Row:
     found: str
     as_expected: bool
     faster: float
+    told: ToldScores | None = None
 
 
 def drive_many(args: argparse.Namespace) -> int:
@@ -74,11 +80,14 @@ def drive_many(args: argparse.Namespace) -> int:
         Progress("simulate", len(drives) + 1) as bar,
     ):
         folder = args.bundle or Path(place) / "bundle"
-        chosen_rig(args, folder)
+        chosen_rig(args, folder, ranged=args.localiser)
+        localiser = Path(place) / "localiser" if args.localiser else None
+        if localiser is not None:
+            built_localiser(args, localiser)
         bar.advance()
         tasks = [
-            Task(folder, args.vehicle or simulated_path(), name, plant, policy, args.seed,
-                 args.desk)
+            Task(folder, args.vehicle or simulated_path(), localiser, name, plant, policy,
+                 args.seed, args.desk)
             for name, plant, policy in drives
         ]  # fmt: skip
         rows = []
@@ -95,20 +104,27 @@ def row_of(task: Task) -> Row:
     """Drive it; in whatever process."""
     from workbench.runtime import Deciding
     from workbench.simulation.bus_drive import Recorded
+    from workbench.simulation.bus_world import BusSetting
     from workbench.simulation.rig import Trial, outcome_on_bus
+    from workbench.simulation.told_scores import ToldScores
 
     scenario, _ = chosen_scenario(task.scenario)
+    told: ToldScores | None = None
     rig, deciding = _rig(task.bundle, task.vehicle), Deciding(task.policy)
     trial, begun_s = Trial(scenario, task.plant, task.seed), time.monotonic()
     if task.desk:
         outcome = rig.at_desk(trial, rig.monitor(deciding))
     else:
-        driven = rig.on_bus(trial, deciding=deciding, recorded=Recorded(pages=False))
-        outcome = outcome_on_bus(driven, scenario)
+        ranging = None if task.localiser is None else ranging_of(_localiser(task.localiser))
+        driven = rig.on_bus(
+            trial, deciding=deciding, setting=BusSetting(rig.settings.maker, ranging=ranging),
+            recorded=Recorded(pages=False),
+        )  # fmt: skip
+        outcome, told = outcome_on_bus(driven, scenario), ToldScores.of(driven.told)
     expected = expected_of(scenario, task.policy)
     return Row(
         task.scenario, task.plant, task.policy, expected.value, outcome.story,
-        outcome.is_as(expected), scenario.duration_s / (time.monotonic() - begun_s),
+        outcome.is_as(expected), scenario.duration_s / (time.monotonic() - begun_s), told,
     )  # fmt: skip
 
 
@@ -119,6 +135,14 @@ def _rig(bundle: Path, vehicle: Path) -> Rig:
     from workbench.simulation.rig import Rig
 
     return Rig(load_bundle(bundle), chosen_vehicle(argparse.Namespace(vehicle=vehicle)))
+
+
+@functools.cache
+def _localiser(folder: Path) -> Built:
+    """Loaded once in each process."""
+    from workbench.runtime.localiser.folder import load_localiser
+
+    return load_localiser(folder, public_key=None)
 
 
 def _rows(tasks: list[Task], jobs: int) -> Iterator[Row]:
@@ -139,6 +163,8 @@ def _rows(tasks: list[Task], jobs: int) -> Iterator[Row]:
 
 def _say(args: argparse.Namespace, rows: list[Row]) -> None:
     headings = ["scenario", "plant", "policy", "expected", "as expected", "found"]
+    if args.localiser:
+        headings += ["place off, 95 % and most, m", "radius, 95 % and most, m", "held"]
     cells: list[list[str | int | float | None]] = [
         [
             row.scenario,
@@ -147,6 +173,7 @@ def _say(args: argparse.Namespace, rows: list[Row]) -> None:
             row.expected,
             "yes" if row.as_expected else "NO",
             row.found,
+            *(_told(row.told) if args.localiser else ()),
         ]
         for row in rows
     ]
@@ -158,3 +185,14 @@ def _say(args: argparse.Namespace, rows: list[Row]) -> None:
     )
     data = {"seed": args.seed, "as_expected": good, "rows": rows}
     emit(args, f"{text_table(headings, cells)}\n\n{ending}", data)
+
+
+def _told(scores: ToldScores | None) -> tuple[str, str, str]:
+    """What the localiser told, and how true it was."""
+    if scores is None:
+        return "", "", "no set"
+    error, radius = scores.error_m, scores.radius_m
+    return (
+        f"{error.most:.3f}, {error.worst:.3f}", f"{radius.most:.3f}, {radius.worst:.3f}",
+        f"{100 * scores.holding:.4g} %",
+    )  # fmt: skip

@@ -137,10 +137,10 @@ def _claims(report: RobustReport) -> Claims:
     ]  # fmt: skip
     if answer.answer is Robust.PROVED:
         claims.append(
-            Claim("Every car keeps the margins in the column `proved for every car`.",
+            Claim("Every car keeps the margins in the column “proved for every car”.",
                   Rigor.ENCLOSED)
         )  # fmt: skip
-    claims.append(Claim("The column `found by search`: a worse car may exist.", Rigor.NUMERICAL))
+    claims.append(Claim("The column “found by search”: a worse car may exist.", Rigor.NUMERICAL))
     if report.tube is not None:
         tube = report.tube.tube
         claims.append(

@@ -17,18 +17,20 @@ from workbench.runtime.onboard.states import Request, State
 from workbench.runtime.onboard.times import TURN_US
 from workbench.runtime.onboard.turns import TurnResult
 from workbench.runtime.policies import Ground, Turn
-from workbench.simulation.bus_world import BEGUN_US, BusWorld
+from workbench.simulation.bus_world import BusWorld
 from workbench.simulation.measures import Drawing, Moment, Progress
 from workbench.simulation.objections import Objections
 from workbench.simulation.people import PeopleModel
 from workbench.simulation.plants.chassis import Motion
+from workbench.simulation.ranged_place import Told
 from workbench.simulation.recorded_path import corners
 from workbench.simulation.recording import PersonSample, Track
 from workbench.simulation.runlog import Entry
 from workbench.simulation.scene import Nearness
 from workbench.simulation.walkers.pedestrian import PersonNow
 
-_ARM_US: Final = BEGUN_US + 300_000
+_ARM_US: Final = 300_000
+"""So long after the scenario's beginning."""
 _AGAIN_US: Final = 2_000_000
 _DECIDES_US: Final = (3_000, 12_000)
 """What the core is told that a decision took, by chance: a run must not depend on the machine."""
@@ -58,11 +60,13 @@ class Instant:
 @final
 @dataclass(frozen=True, slots=True)
 class BusDrive:
-    """What happened: every turn, every decision as a page shows it, and how near the car came."""
+    """What happened: every turn, every decision as a page shows it, how near the car came, and what
+    a localiser among beacons said of where it was, () where there was none."""
 
     instants: tuple[Instant, ...]
     entries: tuple[Entry, ...]
     nearness: Nearness
+    told: tuple[Told, ...] = ()
 
 
 @final
@@ -95,7 +99,8 @@ class BusLoop:
         """ARM once the scenario has begun, and again where a fault has ended the driving."""
         result = self._result
         late = self._at_us - self._asked_us < _AGAIN_US
-        if result is None or self._at_us < _ARM_US or late or result.state not in _ASKS:
+        early = self._at_us < self._world.begun_us + _ARM_US
+        if result is None or early or late or result.state not in _ASKS:
             return None
         self._asked_us = self._at_us
         return _ASKS[result.state]
@@ -127,7 +132,7 @@ def drive(
     """
     story = _Story(world, recorded)
     duration_s = world.scene.scenario.duration_s
-    last_us = BEGUN_US + round(1e6 * duration_s)
+    last_us = world.begun_us + round(1e6 * duration_s)
     seconds = math.ceil(duration_s)
     done = 0
     while world.now_us < last_us:
@@ -189,7 +194,9 @@ class _Story:
         entries = [
             entry_of(moment, result, tracks, self._drawing) for moment, result in self._decided
         ]
-        return BusDrive(tuple(self._instants), tuple(entries), self._world.scene.nearness)
+        ranged = self._world.ranged
+        told = () if ranged is None else tuple(ranged.told)
+        return BusDrive(tuple(self._instants), tuple(entries), self._world.scene.nearness, told)
 
 
 def entry_of(

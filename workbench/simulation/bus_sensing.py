@@ -92,7 +92,7 @@ class Sensors:
                 chance.uniform(-sensing.speed_mps, sensing.speed_mps),
             )
         dx_m, dy_m, turned, faster_mps = self._errors
-        if chance.random() < sensing.dropped or self._lost("localisation", at_us):
+        if chance.random() < sensing.dropped or self.lost("localisation", at_us):
             return None
         return Localised(
             number=number,
@@ -116,7 +116,7 @@ class Sensors:
         """
         number, t_s = self._next("people"), self._scenario_s(at_us)
         self._look(people, motion, eye, t_s)
-        if self._lost("people", at_us):
+        if self.lost("people", at_us):
             return None
         found = [*self._reported(t_s), *self._assumed(eye)]
         within = sorted(self._nearby(found, motion), key=lambda each: each[0])
@@ -224,7 +224,8 @@ class Sensors:
         self._sets[what] += 1
         return self._sets[what] % 256
 
-    def _lost(self, what: str, at_us: int) -> bool:
+    def lost(self, what: str, at_us: int) -> bool:
+        """Whether nothing of a kind is measured at an instant of the bus."""
         t_s = self._scenario_s(at_us)
         return any(
             each.what == what and each.from_s <= t_s < each.until_s

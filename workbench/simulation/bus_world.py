@@ -19,6 +19,8 @@ from workbench.simulation.bus_sensing import (
 )
 from workbench.simulation.onboard_car import Sent
 from workbench.simulation.pacmod2_unit import CanFrame, Outputs, Pacmod2Unit, maker_frame
+from workbench.simulation.ranged_place import RangedPlace, Ranging
+from workbench.simulation.run_up import BEGUN_US as RUN_UP_US
 from workbench.simulation.scene import STEP_US, Scene
 
 BEGUN_US: Final = 2_000_000
@@ -34,10 +36,12 @@ _SPEED_GAIN: Final = 0.005
 @dataclass(frozen=True, slots=True)
 class BusSetting:
     """What the bus carries beside the scene: maker: code that the vehicle reports, None for none;
-    estimator: finds out what people want, None where that is not sent."""
+    estimator: finds out what people want, None where that is not sent; ranging: the vehicle's own
+    localiser among beacons says where the car is, None for errors within what `Sensing` says."""
 
     maker: int | None = None
     estimator: PeopleEstimator | None = None
+    ranging: Ranging | None = None
 
 
 @final
@@ -62,6 +66,11 @@ class BusWorld:
         self._under_way: list[tuple[int, int, CanFrame]] = []
         self._count = 0
         self.now_us, self._begun_us = 0, BEGUN_US
+        self.ranged: RangedPlace | None = None
+        if setting.ranging is not None:
+            self.ranged = RangedPlace(setting.ranging, scene, seed=seed)
+            del self._due_us["place"]
+            self.begin(RUN_UP_US)
 
     def begin(self, at_us: int) -> None:
         """Let the scenario begin at an instant of the bus, not at `BEGUN_US`.
@@ -71,6 +80,11 @@ class BusWorld:
         if at_us < self.now_us or self._begun_us < self.now_us:
             raise ValueError(f"expected an instant to come before the scenario, got {at_us} us")
         self._begun_us = self._sensors.begun_us = at_us
+
+    @property
+    def begun_us(self) -> int:
+        """When the scenario begins."""
+        return self._begun_us
 
     @property
     def scenario_s(self) -> float:
@@ -93,11 +107,17 @@ class BusWorld:
             self._measure()
             while self._under_way and self._under_way[0][0] <= self.now_us:
                 _, _, frame = heapq.heappop(self._under_way)
+                if self.ranged is not None:
+                    self.ranged.hear(*frame, self.now_us)
                 yield Sent(self.now_us, *frame)
 
     def _step(self, step_us: int) -> None:
-        """Until the scene begins the car stands, and nobody is there."""
-        self._command()
+        """Until the scene begins nobody is there, and the car stands, or is driven by hand to where
+        it begins."""
+        if self.ranged is not None and self.now_us < self._begun_us:
+            self.ranged.drive(self.now_us, step_us)
+        else:
+            self._command()
         self.now_us += step_us
         if self.now_us > self._begun_us:
             self.scene.advance(min(step_us, self.now_us - self._begun_us))
@@ -119,13 +139,20 @@ class BusWorld:
             if due_us <= self.now_us:
                 self._due_us[name] = due_us + _PERIODS_US[name]
                 self._send(self._frames(name), delayed=name in ("place", "people"))
+        if self.ranged is not None:
+            silent = self._sensors.lost("localisation", self.now_us)
+            for at_us, frame in self.ranged.due(self.now_us, silent=silent):
+                self._put(at_us, frame)
 
     def _send(self, frames: Sequence[CanFrame], *, delayed: bool) -> None:
         low, high = self.scene.scenario.sensing.delay_s
         wait_us = round(1e6 * self._delay.uniform(low, high)) if delayed else 0
         for frame in frames:
-            self._count += 1
-            heapq.heappush(self._under_way, (self.now_us + wait_us, self._count, frame))
+            self._put(self.now_us + wait_us, frame)
+
+    def _put(self, at_us: int, frame: CanFrame) -> None:
+        self._count += 1
+        heapq.heappush(self._under_way, (at_us, self._count, frame))
 
     def _frames(self, name: str) -> list[CanFrame]:
         car = self.scene.car

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import random
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,6 +26,8 @@ from workbench.simulation.drive_outcomes import DriveOutcome, Step
 from workbench.simulation.measures import Judge, Progress
 from workbench.simulation.plants.actuators import Actuators, DriveByWireCar
 from workbench.simulation.plants.make import chassis
+from workbench.simulation.ranged_place import require_heard
+from workbench.simulation.run_up import AWAY_M
 from workbench.simulation.scenarios.scenario import Scenario
 from workbench.simulation.scene import Scene, Setting
 
@@ -60,8 +63,9 @@ class Rig:
         """Of the core."""
         return settings_from(self.bundle.manifest, signed=True, tag=0)
 
-    def scene(self, trial: Trial) -> Scene:
-        """The car at standstill at the path's beginning, everybody in place."""
+    def scene(self, trial: Trial, *, away_m: float = 0.0) -> Scene:
+        """The car at standstill at the path's beginning, or away_m before it, everybody in
+        place."""
         path = path_table(trial.scenario)
         wire = self.settings.drive_by_wire
         actuators = Actuators.middle(wire)
@@ -69,9 +73,9 @@ class Rig:
             actuators = Actuators.drawn(wire, random.Random(f"actuators {trial.seed}"))
         place = trial.scenario.path
         x_m, y_m = (float(value) for value in place.position(0.0))
-        body = chassis(
-            trial.plant, self.vehicle, x_m=x_m, y_m=y_m, heading=float(place.heading(0.0))
-        )
+        heading = float(place.heading(0.0))
+        x_m, y_m = x_m - away_m * math.cos(heading), y_m - away_m * math.sin(heading)
+        body = chassis(trial.plant, self.vehicle, x_m=x_m, y_m=y_m, heading=heading)
         setting = Setting(trial.scenario, self.vehicle, path)
         return Scene(setting, DriveByWireCar(body, wire, actuators), seed=trial.seed)
 
@@ -84,8 +88,16 @@ class Rig:
         recorded: Recorded | None = None,
         progress: Progress | None = None,
     ) -> BusDrive:
-        """Driven by the core that runs on the vehicle, over CAN frames, in virtual time."""
-        scene, settings = self.scene(trial), self.settings
+        """Driven by the core that runs on the vehicle, over CAN frames, in virtual time.
+
+        With ranging, a driver takes the car to the path's beginning first. Raises InputError for a
+        localiser whose sets come later than the bundle allows.
+        """
+        settings, away_m = self.settings, 0.0
+        if setting is not None and setting.ranging is not None:
+            require_heard(setting.ranging, settings)
+            away_m = AWAY_M
+        scene = self.scene(trial, away_m=away_m)
         core = Core(
             self.bundle.with_deciding(deciding), scene.setting.path, settings, mode=Mode.DRIVE
         )
