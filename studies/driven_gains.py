@@ -3,7 +3,7 @@ less area after 3 s than the present ones, and in the shipped library of scenari
 avoidably. How often they stop needlessly, and stand, is said beside.
 
 The sweep is that of `workbench gains sweep`, by the Parzen estimator, and its drives. Run with
-Python (extras `analysis`, `study`); an argument names the picture. It takes about half an hour and
+Python (extras `analysis`, `study`); an argument names the picture. It takes some ten minutes and
 fails when the claim does.
 """
 
