@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from workbench.bench import learned_figures
+from workbench.bench.into_document import put_between
 from workbench.bench.learned_cases import (
     Score,
     Trajectories,
@@ -67,11 +68,11 @@ def test_the_table_goes_between_the_marks_and_nowhere_else(tmp_path: Path) -> No
     begin, end = learned_figures.MARKS
     file = tmp_path / "page.md"
     file.write_text(f"before\n{begin}\nold\n{end}\nafter\n")
-    learned_figures.put_into(file, "new")
+    put_between(file, learned_figures.MARKS, "new")
     assert file.read_text() == f"before\n{begin}\n\nnew\n\n{end}\nafter\n"
     file.write_text("nothing")
     with pytest.raises(InputError, match="once each"):
-        learned_figures.put_into(file, "new")
+        put_between(file, learned_figures.MARKS, "new")
     assert file.read_text() == "nothing"
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from workbench.bench.into_document import put_between
 from workbench.bench.learned_cases import (
     Score,
     Trajectories,
@@ -23,7 +24,6 @@ from workbench.bench.learned_cases import (
     published,
     trajectories,
 )
-from workbench.errors import InputError
 from workbench.models.benchmarks import b1
 from workbench.sensitivity.learning.evidence import APriori
 from workbench.sensitivity.learning.exponential import SetExponential
@@ -128,17 +128,6 @@ def _tick(name: str, total: int) -> _Ticks:
     return _Ticks(name, total)
 
 
-def put_into(path: Path, text: str) -> None:
-    """Replace what stands between the marks. InputError unless each stands there once."""
-    document = path.read_text(encoding="utf-8")
-    begin, end = MARKS
-    if document.count(begin) != 1 or document.count(end) != 1:
-        raise InputError(f"--into: expected the lines {begin} and {end} once each in {path}")
-    before, _, rest = document.partition(begin)
-    after = rest.partition(end)[2]
-    path.write_text(f"{before}{begin}\n\n{text}\n\n{end}{after}", encoding="utf-8")
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print or put the table; 1 when the proof fails."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -149,7 +138,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows, holds = figures(args.seeds, args.few, RANDOM, epsilon=EPSILON)
     text = table(rows)
     if args.into:
-        put_into(args.into, text)
+        put_between(args.into, MARKS, text)
     sys.stdout.write(text + "\n")
     return 0 if holds else 1
 

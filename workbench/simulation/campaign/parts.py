@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, final
+from typing import TYPE_CHECKING, Any, Final, final
+
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 PART: Final = 16
 """Indices per part, at most, unless told."""
@@ -86,3 +92,14 @@ def write_whole(target: Path, content: str | bytes) -> None:
     data = content.encode("utf-8") if isinstance(content, str) else content
     with replacing(target) as beside:
         beside.write_bytes(data)
+
+
+def require_same(folder: Path, wanted: DataclassInstance, found: DataclassInstance) -> None:
+    """Raise InputError where a folder was begun with something else; both of the same class."""
+    for each in dataclasses.fields(wanted):
+        is_, was = getattr(wanted, each.name), getattr(found, each.name)
+        if is_ != was:
+            raise InputError(
+                f"{folder}: expected the {each.name} it was begun with, {was!r}, got {is_!r}; "
+                "results must not be mixed, so name another folder with --out"
+            )

@@ -20,7 +20,7 @@ from workbench.errors import InputError
 from workbench.models.vehicle import Vehicle, load_vehicle
 from workbench.runtime import load_bundle
 from workbench.simulation.campaign.contenders import LONG, horizons_s
-from workbench.simulation.campaign.parts import Parts, write_whole
+from workbench.simulation.campaign.parts import Parts, require_same, write_whole
 from workbench.simulation.campaign.rows import Row
 from workbench.simulation.campaign.sampled import DIMENSIONS, FAMILY
 from workbench.simulation.rig import Rig
@@ -69,7 +69,7 @@ class Store:
         digest = hashlib.sha256(f"{text}\0{sensors}".encode()).hexdigest()
         wanted = Manifest(__version__, FAMILY, DIMENSIONS, seed, contenders, long_looks, digest)
         if self._manifest.exists():
-            self._require(wanted)
+            require_same(self.folder, wanted, self.manifest())
             return wanted
         if self.folder.exists() and any(self.folder.iterdir()):
             raise InputError(
@@ -153,13 +153,3 @@ class Store:
 
     def _parts(self, plant: str) -> Parts:
         return Parts(self.folder / "parts" / plant)
-
-    def _require(self, wanted: Manifest) -> None:
-        found = self.manifest()
-        for each in dataclasses.fields(Manifest):
-            is_, was = getattr(wanted, each.name), getattr(found, each.name)
-            if is_ != was:
-                raise InputError(
-                    f"{self.folder}: expected the {each.name} it was begun with, {was!r}, got "
-                    f"{is_!r}; results must not be mixed, so name another folder with --out"
-                )

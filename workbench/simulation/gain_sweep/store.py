@@ -18,7 +18,7 @@ from typing import Any, Final, final
 from workbench import __version__
 from workbench.errors import InputError
 from workbench.models.vehicle import Vehicle, load_vehicle
-from workbench.simulation.campaign.parts import Parts, write_whole
+from workbench.simulation.campaign.parts import Parts, require_same, write_whole
 from workbench.simulation.gain_sweep.drives_section import check_drives
 from workbench.simulation.gain_sweep.gains import GAINS, own_gains, with_gains
 from workbench.simulation.gain_sweep.kernels import Kernels, Sources, build_kernels
@@ -55,7 +55,7 @@ class SweepStore:
         texts = [path.read_text(encoding="utf-8") for path in (study, plan.vehicle)]
         wanted = Manifest(__version__, *(hashlib.sha256(t.encode()).hexdigest() for t in texts))
         if self._manifest.exists():
-            self._require(wanted)
+            require_same(self.folder, wanted, self.manifest())
             return plan
         if self.folder.exists() and any(self.folder.iterdir()):
             raise InputError(
@@ -136,16 +136,6 @@ class SweepStore:
 
     def _kernels(self, name: str) -> Path:
         return self.folder / "kernels" / name
-
-    def _require(self, wanted: Manifest) -> None:
-        found = self.manifest()
-        for each in dataclasses.fields(Manifest):
-            is_, was = getattr(wanted, each.name), getattr(found, each.name)
-            if is_ != was:
-                raise InputError(
-                    f"{self.folder}: expected the {each.name} it was begun with, {was!r}, got "
-                    f"{is_!r}; rows must not be mixed, so name another folder with --out"
-                )
 
 
 def _check(plan: Plan, vehicle: Vehicle) -> None:
