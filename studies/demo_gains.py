@@ -14,8 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
+from studies.steering_gains import plot
 from workbench.models.vehicle import gem_e2_recommended_path, load_vehicle
 from workbench.simulation.campaign.workers import InProcess
 from workbench.simulation.gain_sweep.deciding import NOT_DRIVEN, Point, Verdict, point_of, verdict
@@ -67,23 +66,6 @@ def check_found(found: Verdict, shipped: Point) -> str:
     return "the same gains" if found.best.gains == shipped.gains else "others, as good"
 
 
-def plot(found: Verdict, shipped: Point, picture: Path) -> None:
-    """Area against settling of every choice; present and shipped gains stand out."""
-    canvas = Figure(figsize=(7.0, 4.5), layout="constrained")
-    axes = canvas.add_subplot()
-    for points, marker, label in (
-        (found.points, ".", "all choices"), (found.front, "o", "the front"),
-        ([found.present], "s", "benchmark's gains"), ([shipped], "*", "shipped"),
-    ):  # fmt: skip
-        x, y = ([p.figures[name] for p in points] for name in ("settling_s", AREA))
-        axes.scatter(x, y, marker=marker, label=label, s=90)
-    axes.set_xlabel("settling time (s)")
-    axes.set_ylabel("area of the proved tube at 3 s (m²)")
-    axes.grid(alpha=0.3)
-    axes.legend()
-    canvas.savefig(picture, dpi=120)
-
-
 def main(picture: Path | None) -> str:
     """Model, analysis, claim, plot."""
     with tempfile.TemporaryDirectory() as place:
@@ -93,7 +75,7 @@ def main(picture: Path | None) -> str:
         found = verdict(store.rows(), store.plan().decision)
         same = check_found(found, shipped)
     if picture is not None:
-        plot(found, shipped, picture)
+        plot(found, (shipped, "shipped"), AREA, picture)
     return (
         f"shipped gains: tube area at 3 s {shipped.figures[AREA]:.4g} m² instead of "
         f"{present.figures[AREA]:.4g} m², delay margin {shipped.figures['delay_margin_s']:.3g} s "

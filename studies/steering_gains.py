@@ -18,7 +18,8 @@ from workbench.models.control_view import margins
 from workbench.models.gains import LateralLoop, Reason, conditions
 from workbench.models.vehicle import load_vehicle
 from workbench.simulation.campaign.workers import InProcess
-from workbench.simulation.gain_sweep.deciding import Verdict, verdict
+from workbench.simulation.gain_sweep.deciding import Point, Verdict, verdict
+from workbench.simulation.gain_sweep.figures import figure
 from workbench.simulation.gain_sweep.store import SweepStore
 from workbench.simulation.gain_sweep.sweeping import sweep
 from workbench.simulation.gain_sweep.vehicle_text import with_written_gains
@@ -62,19 +63,19 @@ def check(store: SweepStore, found: Verdict) -> str:
     )
 
 
-def plot(found: Verdict, picture: Path) -> None:
-    """Width against settling of every choice; present and recommended ones stand out."""
-    assert found.best is not None
+def plot(found: Verdict, star: tuple[Point, str], name: str, picture: Path) -> None:
+    """A figure against settling of every choice; the present gains and one more, named, stand
+    out."""
     canvas = Figure(figsize=(7.0, 4.5), layout="constrained")
     axes = canvas.add_subplot()
     for points, marker, label in (
         (found.points, ".", "all choices"), (found.front, "o", "the front"),
-        ([found.present], "s", "present gains"), ([found.best], "*", "recommended"),
+        ([found.present], "s", "present gains"), ([star[0]], "*", star[1]),
     ):  # fmt: skip
-        x, y = ([p.figures[name] for p in points] for name in ("settling_s", WIDTH))
+        x, y = ([p.figures[each] for p in points] for each in ("settling_s", name))
         axes.scatter(x, y, marker=marker, label=label, s=90)
-    axes.set_xlabel("settling time (s)")
-    axes.set_ylabel("proved lateral half width at 3 s (m)")
+    axes.set_xlabel(figure("settling_s").label)
+    axes.set_ylabel(figure(name).label)
     axes.grid(alpha=0.3)
     axes.legend()
     canvas.savefig(picture, dpi=120)
@@ -85,8 +86,8 @@ def main(picture: Path | None) -> str:
     with tempfile.TemporaryDirectory() as place:
         store, found = analyse(Path(place) / "sweep")
         claim = check(store, found)
-    if picture is not None:
-        plot(found, picture)
+    if picture is not None and found.best is not None:
+        plot(found, (found.best, "recommended"), WIDTH, picture)
     return claim
 
 
