@@ -13,12 +13,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.survey_cases import row
+from tests.survey_cases import rig, row
 from workbench.cli.main import main
 from workbench.errors import InputError
-from workbench.simulation.campaign.contenders import CONTENDERS
+from workbench.simulation.campaign.contenders import CONTENDERS, Field
 from workbench.simulation.campaign.hunting import load_catches
 from workbench.simulation.campaign.parts import PART
+from workbench.simulation.campaign.rows import drive_all, trial_of
+from workbench.simulation.campaign.sampled import sampled
 from workbench.simulation.campaign.store import Store
 from workbench.simulation.campaign.workers import workers
 
@@ -64,6 +66,24 @@ def test_only_what_is_missing_is_driven(store: Store) -> None:
     left = store.missing("bicycle", PART + 2)
     assert [k for part in left for k in part] == [0, 1, 2, 3, *range(9, PART + 2)]
     assert store.missing("single-track", 1) == [range(1)]
+
+
+def test_baselines_drive_what_they_are_judged_on_and_long_looks_the_first_ones(
+    tmp_path: Path,
+) -> None:
+    manifest = Store(tmp_path).begin(seed=1, contenders=CONTENDERS, long_looks=2)
+    baselines = {"fixed distance", "time to collision", "constant-velocity disc"}
+    assert set(manifest.drives(1)) == set(CONTENDERS)
+    assert set(manifest.drives(0)) == set(CONTENDERS) - baselines
+    assert set(manifest.drives(4)) == set(CONTENDERS) - baselines - {"LookAhead 5 s"}
+
+
+def test_a_survey_drives_as_the_bundle_with_all_its_sets(surveyed: Path) -> None:
+    field = Field({3.0: rig()}, {})
+    for index, scenario in enumerate(sampled(range(3), 1)):
+        trial = trial_of(index, scenario, "bicycle")
+        driven = {each for each in Store(surveyed).rows() if each.index == index}
+        assert set(drive_all(index, trial, WHO, field)) == driven
 
 
 def test_half_a_part_is_none(store: Store) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final, final
 
@@ -12,6 +12,7 @@ from workbench.runtime.path import PathTable
 from workbench.simulation.frames import Point
 from workbench.simulation.people import Body
 from workbench.simulation.plants.actuators import DriveByWireCar
+from workbench.simulation.plants.chassis import Motion
 from workbench.simulation.scenarios.scenario import Scenario
 from workbench.simulation.walkers.pedestrian import CarNow, PersonNow
 
@@ -52,7 +53,7 @@ class Nearness:
     moving_m: float = math.inf
     contact: Contact | None = None
 
-    def see(self, t_s: float, car: CarNow, people: Sequence[PersonNow]) -> None:
+    def see(self, t_s: float, car: CarNow, people: Iterable[PersonNow]) -> None:
         """One instant."""
         if car.speed_mps <= _MOVES_MPS:
             return
@@ -102,7 +103,7 @@ class Scene:
     @property
     def people(self) -> tuple[PersonNow, ...]:
         """Everybody who is there."""
-        return tuple(now for each in self._people if (now := each.now) is not None)
+        return tuple(self._present())
 
     @property
     def eye(self) -> Point:
@@ -148,14 +149,30 @@ class Scene:
             self.now_us += step_us
             for each in self._people:
                 each.advance(from_s, self.now_s, before)
-            self._car = self.car_now()
-            self.nearness.see(self.now_s, self._car, self.people)
+            if self._car is None or not _is_at(self._car, self.car.motion):
+                self._car = self.car_now()
+            self.nearness.see(self.now_s, self._car, self._present())
+
+    def _present(self) -> Iterator[PersonNow]:
+        return (now for each in self._people if (now := each.now) is not None)
 
     def _nearest(self, x_m: float, y_m: float) -> int:
         """The nearest node, near the one before."""
         table, node = self.setting.path, self._node
-        nodes = range(len(table.x))
+        first, last = 0, len(table.x)
         if node is not None:
-            nodes = range(max(node - _NEAR_NODES, 0), min(node + _NEAR_NODES + 1, len(table.x)))
-        self._node = min(nodes, key=lambda j: (table.x[j] - x_m) ** 2 + (table.y[j] - y_m) ** 2)
+            first, last = max(node - _NEAR_NODES, 0), node + _NEAR_NODES + 1
+        nodes = zip(table.x[first:last], table.y[first:last], strict=True)
+        squares_m2 = [(x - x_m) ** 2 + (y - y_m) ** 2 for x, y in nodes]
+        self._node = first + squares_m2.index(min(squares_m2))
         return self._node
+
+
+def _is_at(car: CarNow, motion: Motion) -> bool:
+    body = car.body
+    return (
+        body.x_m == motion.x_m
+        and body.y_m == motion.y_m
+        and body.heading == motion.heading
+        and car.speed_mps == motion.speed_mps
+    )

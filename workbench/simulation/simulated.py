@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import tempfile
 from pathlib import Path
 from typing import Final
@@ -85,21 +86,27 @@ def build_rig(
     vehicle: Vehicle | None = None,
     horizon_s: float = HORIZON_S,
     sensors: str | None = None,
+    deciding_alone: bool = False,
 ) -> Rig:
     """Compile a bundle and put it on a rig; some seconds.
 
     folder: where the bundle stays, which must not exist; None for nowhere (it is loaded then, and
     its files are gone). vehicle, sensors: the shipped ones where None. `LookAhead` looks horizon_s
-    ahead.
+    ahead. deciding_alone: without the nested sets that only inform; decisions are the same, and
+    quicker.
     """
     if folder is None:
         with tempfile.TemporaryDirectory() as place:
             return build_rig(
-                Path(place) / "bundle", vehicle=vehicle, horizon_s=horizon_s, sensors=sensors
-            )
+                Path(place) / "bundle", vehicle=vehicle, horizon_s=horizon_s, sensors=sensors,
+                deciding_alone=deciding_alone,
+            )  # fmt: skip
     chosen = load_vehicle(simulated_path()) if vehicle is None else vehicle
     spec = MonitorSpec(
         chosen, horizon_s, STEP_S, path=straight_road(-20.0, 180.0), monitor=MONITOR,
         sensors=simulated_sensors() if sensors is None else sensors,
     )  # fmt: skip
+    if deciding_alone:
+        levels = tuple(each for each in spec.levels if each.name == spec.deciding_level)
+        spec = dataclasses.replace(spec, levels=levels)
     return Rig(load_bundle(build_bundle(spec, folder)), chosen)

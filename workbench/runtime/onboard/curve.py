@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import functools
 import itertools
 import math
 from collections.abc import Sequence
@@ -61,7 +62,7 @@ class Curve:
     @property
     def middles(self) -> tuple[float, ...]:
         """The middle at every node."""
-        return tuple(0.5 * a + 0.5 * b for a, b in zip(self.lowest, self.highest, strict=True))
+        return _middles(self.lowest, self.highest)
 
     @property
     def commands(self) -> Interval:
@@ -101,6 +102,12 @@ class Curve:
         rises = itertools.pairwise(self.middles)
         runs = itertools.pairwise(self.command)
         return tuple((b - a) / (d - c) for (a, b), (c, d) in zip(rises, runs, strict=True))
+
+
+@functools.lru_cache(maxsize=64)
+def _middles(lowest: tuple[float, ...], highest: tuple[float, ...]) -> tuple[float, ...]:
+    # Asked for at every turn, of a handful of curves.
+    return tuple(0.5 * a + 0.5 * b for a, b in zip(lowest, highest, strict=True))
 
 
 def _piece(nodes: Sequence[float], at: float) -> int:

@@ -55,6 +55,16 @@ def is_baseline(name: str) -> bool:
     return any(each.name == name for each in BASELINES)
 
 
+def judged_half(index: int) -> bool:
+    """Whether an index is none of those that baselines may be tuned on."""
+    return index % 2 == 1
+
+
+def judged(name: str, index: int) -> bool:
+    """Whether a contender's drive of a scenario counts."""
+    return judged_half(index) or not is_baseline(name)
+
+
 def proves(name: str) -> bool:
     """Whether its verdicts are the monitor's; others have none."""
     return name in _MONITORS

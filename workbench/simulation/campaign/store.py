@@ -19,7 +19,7 @@ from workbench import __version__
 from workbench.errors import InputError
 from workbench.models.vehicle import Vehicle, load_vehicle
 from workbench.runtime import load_bundle
-from workbench.simulation.campaign.contenders import LONG, horizons_s
+from workbench.simulation.campaign.contenders import LONG, horizons_s, judged
 from workbench.simulation.campaign.parts import Parts, require_same, write_whole
 from workbench.simulation.campaign.rows import Row
 from workbench.simulation.campaign.sampled import DIMENSIONS, FAMILY
@@ -43,8 +43,11 @@ class Manifest:
     vehicle_sha256: str
 
     def drives(self, index: int) -> tuple[str, ...]:
-        """Who drives a scenario."""
-        return tuple(name for name in self.contenders if name != LONG or index < self.long_looks)
+        """Who drives a scenario: baselines only those that they are judged on."""
+        return tuple(
+            name for name in self.contenders
+            if (index < self.long_looks if name == LONG else judged(name, index))
+        )  # fmt: skip
 
 
 @final
@@ -106,7 +109,10 @@ class Store:
             sensors = (self.folder / "sensors.toml").read_text(encoding="utf-8")
             with tempfile.TemporaryDirectory(dir=place.parent) as beside:
                 built = Path(beside) / place.name
-                build_rig(built, vehicle=self.vehicle(), horizon_s=horizon_s, sensors=sensors)
+                build_rig(
+                    built, vehicle=self.vehicle(), horizon_s=horizon_s, sensors=sensors,
+                    deciding_alone=True,
+                )  # fmt: skip
                 built.rename(place)
 
     def rigs(self) -> dict[float, Rig]:

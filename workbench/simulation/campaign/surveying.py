@@ -142,11 +142,6 @@ def training_half(count: int, most: int) -> list[int]:
     return list(range(0, count, 2))[:most]
 
 
-def judged_half(index: int) -> bool:
-    """Whether an index is none of those that baselines may be tuned on."""
-    return index % 2 == 1
-
-
 def _scenarios(task: Task) -> list[tuple[int, SampledScenario]]:
     first, last = task.indices[0], task.indices[-1]
     drawn = sampled(range(first, last + 1), task.manifest.seed)

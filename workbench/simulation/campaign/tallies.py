@@ -10,9 +10,8 @@ from typing import Final, final
 import numpy as np
 from scipy.stats import beta
 
-from workbench.simulation.campaign.contenders import CONTENDERS, is_baseline
+from workbench.simulation.campaign.contenders import CONTENDERS, judged, judged_half
 from workbench.simulation.campaign.rows import Row
-from workbench.simulation.campaign.surveying import judged_half
 
 _RESAMPLES: Final = 2000
 _BLOCK: Final = 50
@@ -67,7 +66,7 @@ def tallies(rows: Iterable[Row]) -> list[Tally]:
     """By plant, contenders in their usual order; only those with rows."""
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
-        if is_baseline(row.contender) and not judged_half(row.index):
+        if not judged(row.contender, row.index):
             continue
         groups.setdefault((row.plant, row.contender), []).append(row)
     order = sorted(groups, key=lambda each: (each[0], CONTENDERS.index(each[1])))

@@ -21,7 +21,8 @@ class BicycleChassis:
     """
 
     __slots__ = (
-        "_acceleration", "_heading", "_limit", "_speed", "_steering", "_wheelbase", "_x", "_y",
+        "_acceleration", "_heading", "_limit", "_motion", "_speed", "_steering", "_wheelbase", "_x",
+        "_y",
     )  # fmt: skip
 
     def __init__(self, wheelbase_m: float, steering_limit_rad: float, *, start: Start) -> None:
@@ -30,22 +31,25 @@ class BicycleChassis:
         self._x, self._y, self._heading = start.x_m, start.y_m, start.heading
         self._speed, self._steering = start.speed_mps, start.road_wheel_rad
         self._acceleration = 0.0
+        self._motion: Motion | None = None
 
     @property
     def motion(self) -> Motion:
         """Where it is and how it moves; its acceleration is the mean of the latest advance."""
-        turning = self._speed * math.tan(self._steering) / self._wheelbase
-        return Motion(
-            self._x, self._y, self._heading, self._speed, 0.0, turning, self._steering,
-            self._acceleration,
-        )  # fmt: skip
+        if self._motion is None:
+            turning = self._speed * math.tan(self._steering) / self._wheelbase
+            self._motion = Motion(
+                self._x, self._y, self._heading, self._speed, 0.0, turning, self._steering,
+                self._acceleration,
+            )  # fmt: skip
+        return self._motion
 
     def advance(
         self, acceleration_mps2: float, steering_rate_radps: float, duration_s: float
     ) -> None:
         """Go on for a time; what is asked of it happens at once. Raises InputError where the motion
         is no longer finite."""
-        before, left = self._speed, duration_s
+        before, left, self._motion = self._speed, duration_s, None
         while left > 0.0:
             step = left if left < LONGEST_STEP_S else LONGEST_STEP_S
             # A rest no longer than rounding is done with the step before it.

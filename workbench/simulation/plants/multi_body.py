@@ -110,7 +110,7 @@ class MultiBodyChassis:
     Raises InputError without the extra `commonroad` or a C compiler.
     """
 
-    __slots__ = ("_moved", "_rear")
+    __slots__ = ("_motion", "_moved", "_rear")
 
     def __init__(self, wheelbase_m: float, steering_limit_rad: float, *, start: Start) -> None:
         start.require_possible(wheelbase_m, steering_limit_rad)
@@ -126,16 +126,19 @@ class MultiBodyChassis:
         core = [x, y, start.road_wheel_rad, speed, start.heading, turning, slip]
         advance = _compiled(wheelbase_m, steering_limit_rad)
         self._moved = Stepped(advance, init_mb(core, parameters), _step_values(parameters))
+        self._motion: Motion | None = None
 
     @property
     def motion(self) -> Motion:
         """Of the middle of the rear axle; its acceleration is the mean of the latest advance."""
-        x, rear = self._moved.x, self._rear
-        heading = x[4]
-        return Motion(
-            x[0] - rear * math.cos(heading), x[1] - rear * math.sin(heading), heading, x[3],
-            x[10] - rear * x[5], x[5], x[2], self._moved.acceleration_mps2,
-        )  # fmt: skip
+        if self._motion is None:
+            x, rear = self._moved.x, self._rear
+            heading = x[4]
+            self._motion = Motion(
+                x[0] - rear * math.cos(heading), x[1] - rear * math.sin(heading), heading, x[3],
+                x[10] - rear * x[5], x[5], x[2], self._moved.acceleration_mps2,
+            )  # fmt: skip
+        return self._motion
 
     def advance(
         self, acceleration_mps2: float, steering_rate_radps: float, duration_s: float
@@ -143,6 +146,7 @@ class MultiBodyChassis:
         """Go on for a time. Raises InputError where the state is no longer finite."""
         if duration_s <= 0.0:
             return
+        self._motion = None
         if not self._moved.advance((steering_rate_radps, acceleration_mps2), duration_s):
             raise not_finite(acceleration_mps2, steering_rate_radps)
 

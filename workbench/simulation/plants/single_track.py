@@ -120,7 +120,7 @@ class SingleTrackChassis:
     step_s: longest step of the Runge-Kutta integration. Raises InputError without a C compiler.
     """
 
-    __slots__ = ("_moved", "_rear", "_step")
+    __slots__ = ("_motion", "_moved", "_rear", "_step")
 
     def __init__(
         self, parameters: SingleTrack, wheelbase_m: float, steering_limit_rad: float, *,
@@ -134,15 +134,18 @@ class SingleTrackChassis:
         state = (*place, self._rear * turning, turning, start.road_wheel_rad, 0.0, 0.0)
         advance = stepping([field()], "single_track.c", {"WB_LIMIT": len(_NAMES) - 1})
         self._moved = Stepped(advance, state, values)
+        self._motion: Motion | None = None
 
     @property
     def motion(self) -> Motion:
         """Where it is and how it moves; its acceleration is the mean of the latest advance."""
-        x, y, heading, along, side, turning, steering, _, _ = self._moved.x
-        return Motion(
-            x, y, heading, along, side - self._rear * turning, turning, steering,
-            self._moved.acceleration_mps2,
-        )  # fmt: skip
+        if self._motion is None:
+            x, y, heading, along, side, turning, steering, _, _ = self._moved.x
+            self._motion = Motion(
+                x, y, heading, along, side - self._rear * turning, turning, steering,
+                self._moved.acceleration_mps2,
+            )  # fmt: skip
+        return self._motion
 
     def advance(
         self, acceleration_mps2: float, steering_rate_radps: float, duration_s: float
@@ -152,6 +155,7 @@ class SingleTrackChassis:
             return
         steps = ctypes.c_longlong(math.ceil(duration_s / self._step - 1e-9))
         asked = acceleration_mps2, steering_rate_radps
+        self._motion = None
         if not self._moved.advance(asked, duration_s, steps):
             raise not_finite(acceleration_mps2, steering_rate_radps)
 
