@@ -22,7 +22,8 @@ from workbench.runtime.person_tubes import (
 from workbench.runtime.policies.cycle import Ground
 
 _REFERENCE_SPEED = "reference_speed"
-_NODES_BEHIND = 4
+# A tube that begins at standstill reaches back: the motion of its model may be slower than 0.
+_NODES_BEHIND = 16
 _NODES_PER_SHIFT = 8
 
 
