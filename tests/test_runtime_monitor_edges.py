@@ -44,16 +44,16 @@ def asked_at(asked: Asked, stamp_s: float, speed: tuple[float, float]) -> None:
     asked.monitor.step(replace(observation(speed=speed), stamp_s=stamp_s))
 
 
-def test_the_window_begins_four_nodes_before_the_rear_end_of_the_whole_set(
+def test_the_window_begins_16_nodes_before_the_rear_end_of_the_whole_set(
     queries: list[Values],
 ) -> None:
-    # Every 2 m it moves on, and 1 m is where it does: between the rear end of the whole set and
+    # Every 2 m it moves on, and 2 m is where it does: between the rear end of the whole set and
     # those of its parts.
     asked = Asked()
-    asked.step(observation(at=(1.08, 0.0)))
-    asked.step(observation(at=(1.11, 0.0)))
+    asked.step(observation(at=(2.08, 0.0)))
+    asked.step(observation(at=(2.11, 0.0)))
     starts = [values["path_start_m"][0] for values in queries]
-    assert starts == [-2.0, 0.0]
+    assert starts == [-4.0, -2.0]
 
 
 @pytest.mark.parametrize(
