@@ -43,7 +43,7 @@ def write_survey_page(
     bars = tuple(Bar.of(each) for each in tallies)
     lead = (
         f"{sum(each.runs for each in tallies)} drives through sampled scenarios (family "
-        f"{manifest.family}, seed {manifest.seed}), by each of {len(manifest.contenders)} "
+        f"{manifest.family}, seed {manifest.seed}), by {len(manifest.contenders)} "
         "contenders. All drives count, whatever could not be judged in them: see INVALID.",
     )
     report = SurveyReport(

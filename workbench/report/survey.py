@@ -84,7 +84,7 @@ def needless_figure(report: SurveyReport) -> Figure:
         width_in=4.6, height_in=_height_in(report.bars),
     )  # fmt: skip
     caption = (
-        "Needless stops per km with 95 % bootstrap intervals; no bar: it did not set off at all, "
+        "Needless stops per km with 95 % bootstrap intervals; no bar: no stop, or never set off, "
         "which is no merit."
     )
     return Figure((panel,), _legend(report.bars), caption, _numbers(report.bars), wide=True)
