@@ -82,9 +82,7 @@ def test_a_bundle_for_quicker_sets_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "out" / "report.html").exists()
 
 
-@pytest.mark.parametrize(
-    "words", [("--site", "s.toml"), ("--localiser", "--desk"), ("--localiser", "--real-time")]
-)
+@pytest.mark.parametrize("words", [("--site", "s.toml"), ("--localiser", "--desk")])
 def test_options_that_contradict_each_other_are_refused(
     words: tuple[str, ...], tmp_path: Path
 ) -> None:

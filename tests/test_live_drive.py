@@ -24,7 +24,8 @@ from workbench.errors import InputError
 from workbench.runtime.onboard.states import COMMANDING, State
 from workbench.simulation.bus_drive import Recorded
 from workbench.simulation.bus_world import BEGUN_US, BusSetting, BusWorld
-from workbench.simulation.live_drive import Installed, drive_live
+from workbench.simulation.live_drive import drive_live
+from workbench.simulation.live_processes import Installed
 from workbench.simulation.rig import Trial
 from workbench.simulation.runlog import read_log
 from workbench.simulation.serial_line import SerialLine, frame_line, line_frame
@@ -136,4 +137,4 @@ def test_the_process_is_armed_drives_and_its_log_makes_the_same_decisions(tmp_pa
     assert replayed.status == 0, replayed.out + replayed.err
     again = invoke(*words)
     assert again.status == 2
-    assert "without a bundle and a log of the monitor" in again.err
+    assert "without bundle, localiser and log" in again.err

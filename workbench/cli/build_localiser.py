@@ -95,7 +95,7 @@ def _add_vehicle_numbers(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Build, load and report."""
-    from workbench.cli.private_key import read_private_key
+    from workbench.cli.private_key import read_private_key, signature_file
     from workbench.codegen.localiser import (
         LocaliserSpec,
         localiser_files,
@@ -123,7 +123,8 @@ def run(args: argparse.Namespace) -> int:
     )  # fmt: skip
     files = localiser_files(spec)
     if seed is not None:
-        files |= {SIGNATURE_FILE: _signature(files[CHECKSUM_FILE], seed, args.out)}
+        signature, _ = signature_file(files[CHECKSUM_FILE], seed, args.out / SIGNATURE_FILE)
+        files |= {SIGNATURE_FILE: signature}
     folder = write_localiser(files, args.out, replaces=args.force)
     numbers = load_localiser(folder, public_key=None).numbers
     size = len(files[LIBRARY_FILE])
@@ -181,13 +182,3 @@ def _micros(option: str, seconds: float) -> int:
     if not 0.0 <= seconds <= 1.0:
         raise InputError(f"{option}: expected 0 to 1 s, got {seconds!r}")
     return round(1e6 * seconds)
-
-
-def _signature(sums: bytes, seed: bytes, out: Path) -> bytes:
-    """The signature's file, verified as a vehicle would."""
-    from workbench.cli.private_key import signed
-    from workbench.runtime.signature import SIGNATURE_FILE, check_signature
-
-    signature, key = signed(sums, seed)
-    check_signature(sums, signature, key=key, path=out / SIGNATURE_FILE)
-    return signature.text()

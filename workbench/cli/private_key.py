@@ -19,7 +19,7 @@ from workbench.runtime.keys import (
     public_key_beside,
 )
 from workbench.runtime.reading import read_once
-from workbench.runtime.signature import Signature
+from workbench.runtime.signature import Signature, check_signature
 
 if TYPE_CHECKING:
     from nacl.signing import SigningKey
@@ -114,6 +114,14 @@ def signed(message: bytes, seed: bytes) -> tuple[Signature, PublicKey]:
     private = _signing_key(seed)
     key = PublicKey(bytes(private.verify_key))
     return Signature(key.key_id, private.sign(message).signature), key
+
+
+def signature_file(sums: bytes, seed: bytes, path: Path) -> tuple[bytes, PublicKey]:
+    """The content of the file `path` that signs `sums`, verified as a vehicle would, and the public
+    key that fits it."""
+    signature, key = signed(sums, seed)
+    check_signature(sums, signature, key=key, path=path)
+    return signature.text(), key
 
 
 def _signing_key(seed: bytes) -> SigningKey:

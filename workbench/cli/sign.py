@@ -7,13 +7,13 @@ from pathlib import Path
 
 from workbench.cli.common import replacing
 from workbench.cli.output import emit
-from workbench.cli.private_key import read_private_key, signed
+from workbench.cli.private_key import read_private_key, signature_file
 from workbench.errors import InputError
 from workbench.runtime.bundle import checked_manifest
 from workbench.runtime.contents import CHECKED_FILES, CHECKSUM_FILE
 from workbench.runtime.keys import PublicKey, default_private_key
 from workbench.runtime.reading import read_once
-from workbench.runtime.signature import SIGNATURE_FILE, check_signature
+from workbench.runtime.signature import SIGNATURE_FILE
 from workbench.runtime.signed_bundle import MOST_BYTES
 
 HELP = (
@@ -64,9 +64,8 @@ def sign_bundle(folder: Path, private_key: Path) -> tuple[str, PublicKey]:
     names = (CHECKSUM_FILE, *CHECKED_FILES)
     files = {name: read_once(folder / name, most_bytes=MOST_BYTES).content for name in names}
     manifest = checked_manifest(files, folder)
-    signature, key = signed(files[CHECKSUM_FILE], seed)
     path = folder / SIGNATURE_FILE
-    check_signature(files[CHECKSUM_FILE], signature, key=key, path=path)
+    signature, key = signature_file(files[CHECKSUM_FILE], seed, path)
     with replacing(path) as temporary:
-        temporary.write_bytes(signature.text())
+        temporary.write_bytes(signature)
     return manifest.name, key

@@ -66,7 +66,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--real-time", action="store_true",
-        help="the real workbench-monitor process on a serial line, as long as the scenario takes",
+        help="the real workbench-monitor process on a serial line, as long as the scenario takes "
+        "(with --localiser, the real workbench-localiser too)",
     )  # fmt: skip
     parser.add_argument(
         "--jobs", type=count, default=1, metavar="N", help="processes for a table (default: 1)"

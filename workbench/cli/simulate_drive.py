@@ -156,7 +156,10 @@ def _driven(args: argparse.Namespace, trial: Trial, notes: tuple[str, ...]) -> F
         rig, driven, took_s, more = drive(args, trial, _advancing(bar))
         undisturbed_m = _undisturbed_m(rig, trial)
     outcome = outcome_on_bus(driven, trial.scenario)
-    return Found(rig, trial, args.policy, (*notes, *more), driven, outcome, undisturbed_m, took_s)
+    return Found(
+        rig, trial, args.policy, (*notes, *more), driven, outcome, undisturbed_m, took_s,
+        live=args.real_time,
+    )  # fmt: skip
 
 
 Driven = tuple["Rig", "BusDrive", float, tuple[str, ...]]

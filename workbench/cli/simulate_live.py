@@ -1,9 +1,10 @@
 """`workbench simulate --real-time`: the real process drives a signed bundle with the scenario's
-path."""
+path, with `--localiser` told by the real localiser."""
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import tempfile
 import time
 from collections.abc import Callable
@@ -11,14 +12,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from workbench.cli.common import writable_folder
-from workbench.cli.private_key import write_pair
+from workbench.cli.private_key import read_private_key, signature_file, write_pair
 from workbench.cli.sign import sign_bundle
+from workbench.cli.simulate_localiser import INSTEAD, built_localiser, ranging_of
 from workbench.cli.simulate_subject import chosen_sensors, chosen_vehicle
 from workbench.errors import InputError
+from workbench.runtime.keys import public_key_beside
 
 if TYPE_CHECKING:
     from workbench.cli.simulate_drive import Driven
-    from workbench.simulation.live_drive import Installed, LiveDrive
+    from workbench.simulation.live_drive import LiveDrive
+    from workbench.simulation.live_processes import Installed
+    from workbench.simulation.ranged_place import Ranging
     from workbench.simulation.rig import Trial
 
 _LATE_S: Final = 0.02
@@ -28,53 +33,79 @@ def driven_live(
     args: argparse.Namespace, trial: Trial, progress: Callable[[int, int], None]
 ) -> Driven:
     """Build, sign with a key that nobody keeps, start, arm, drive; the bundle stays in OUT/bundle,
-    the log in OUT/log.
+    logs in OUT/log, a localiser in OUT/localiser.
 
     Raises InputError where one of them is there already, before any work.
     """
     from workbench.runtime import load_bundle
     from workbench.simulation.bus_drive import Recorded
-    from workbench.simulation.bus_world import BusSetting, BusWorld
+    from workbench.simulation.bus_world import BusSetting
     from workbench.simulation.live_drive import drive_live
     from workbench.simulation.rig import Rig
 
     out = writable_folder(args.out)
     log = out / "log"
-    for there in (log, out / "bundle"):
+    for there in (log, out / "bundle", out / "localiser"):
         if there.exists():
             raise InputError(
-                f"--out: expected a folder without a bundle and a log of the monitor, got {there}; "
+                f"--out: expected a folder without bundle, localiser and log, got {there}; "
                 "name another one, or move it away"
             )
     with tempfile.TemporaryDirectory(prefix="workbench-") as place:
-        installed = _installed(args, trial, Path(place))
+        keys = Path(place) / "drive.key"
+        write_pair(keys)
+        installed, ranging = _installed(args, trial, keys), None
+        if args.localiser:
+            installed, ranging = _with_localiser(args, installed, keys)
         progress(0, 1)
         rig = Rig(load_bundle(installed.bundle), chosen_vehicle(args))
-        world = BusWorld(rig.scene(trial), BusSetting(rig.settings.maker), seed=trial.seed)
+        setting = BusSetting(rig.settings.maker, ranging=ranging)
+        world = rig.world(trial, setting)
         begun_s = time.monotonic()
         live = drive_live(world, installed, log, Recorded(), progress=progress)
         took_s = time.monotonic() - begun_s
     return rig, live.driven, took_s, _notes(live)
 
 
-def _installed(args: argparse.Namespace, trial: Trial, keys: Path) -> Installed:
-    """A bundle for this scenario, as it would stand on the vehicle."""
+def _installed(args: argparse.Namespace, trial: Trial, private: Path) -> Installed:
+    """A bundle for this scenario, as it would stand on the vehicle; private: the key it is signed
+    with."""
     from workbench.codegen import MonitorSpec, build_bundle
     from workbench.runtime import Deciding
-    from workbench.simulation.live_drive import Installed
+    from workbench.simulation.live_processes import Installed
     from workbench.simulation.rig import path_table
-    from workbench.simulation.simulated import HORIZON_S, MONITOR, STEP_S, simulated_sensors
+    from workbench.simulation.simulated import (
+        HORIZON_S,
+        MONITOR,
+        STEP_S,
+        ranged_sensors,
+        simulated_sensors,
+    )
 
+    shipped = ranged_sensors() if args.localiser else simulated_sensors()
     spec = MonitorSpec(
         chosen_vehicle(args), args.horizon or HORIZON_S, STEP_S, path=path_table(trial.scenario),
         deciding=Deciding(args.policy), monitor=MONITOR,
-        sensors=chosen_sensors(args) or simulated_sensors(),
+        sensors=chosen_sensors(args) or shipped,
     )  # fmt: skip
     bundle = build_bundle(spec, args.out / "bundle")
-    private = keys / "drive.key"
-    public, _ = write_pair(private)
     sign_bundle(bundle, private)
-    return Installed(bundle, public)
+    return Installed(bundle, public_key_beside(private))
+
+
+def _with_localiser(
+    args: argparse.Namespace, installed: Installed, private: Path
+) -> tuple[Installed, Ranging]:
+    """The same vehicle with a signed localiser, and the ranges that this one hears."""
+    from workbench.runtime.contents import CHECKSUM_FILE
+    from workbench.runtime.signature import SIGNATURE_FILE
+
+    folder = args.out / "localiser"
+    built = built_localiser(args, folder)
+    path, sums = folder / SIGNATURE_FILE, (folder / CHECKSUM_FILE).read_bytes()
+    path.write_bytes(signature_file(sums, read_private_key(private), path)[0])
+    installed = dataclasses.replace(installed, localiser=folder)
+    return installed, ranging_of(built, elsewhere=True)
 
 
 def _notes(live: LiveDrive) -> tuple[str, ...]:
@@ -82,15 +113,22 @@ def _notes(live: LiveDrive) -> tuple[str, ...]:
     same = "differ from" if compared.mismatches else "are those of"
     notes = [
         f"driven in real time by workbench-monitor as a process of its own, ready after "
-        f"{live.ready_s:.1f} s, exit status {live.status}; its log {live.log}: {compared.turns} "
-        f"turns with {compared.decisions} decisions made again {same} the log"
+        f"{live.ready_s:.1f} s, exit status {live.monitor.status}; its log {live.log}: "
+        f"{compared.turns} turns with {compared.decisions} decisions made again {same} the log"
     ]
+    if live.localiser is not None:
+        notes += [
+            INSTEAD,
+            f"workbench-localiser was another process, exit status {live.localiser.status}, and "
+            f"sent {live.located} sets of where the car was while the scenario ran; they are not "
+            "held against the truth here, because its clock is its own",
+        ]
     if live.behind_s > _LATE_S or live.lost:
         notes.append(
             f"this machine did not keep up: the world was up to {1e3 * live.behind_s:.0f} ms late, "
             f"and {live.lost} frames were lost on the line"
         )
-    unsent = _unsent(live.said)
+    unsent = _unsent(live.monitor.said)
     if unsent:
         notes.append(
             f"the monitor held back {unsent} frames that it could not send in time, and braked for "

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 DROPPED: Final = 0.1
 """Share of the ranges that do not come; what becomes of the others is stated by the site file."""
 
-_INSTEAD: Final = (
+INSTEAD: Final = (
     "where the car is was told by its localiser; what the scenario says of errors of its place was "
     "not used"
 )
@@ -40,10 +40,9 @@ def require_localiser_options(args: argparse.Namespace) -> None:
     """Raise InputError where they contradict each other or the others."""
     if args.site is not None and not args.localiser:
         raise InputError("--site: expected with --localiser, got it alone; add --localiser")
-    if args.localiser and (args.desk or args.real_time):
+    if args.localiser and args.desk:
         raise InputError(
-            "--localiser: expected without --desk and --real-time: the localiser hears frames, in "
-            "virtual time; leave them out"
+            "--localiser: expected without --desk: the localiser hears frames; leave --desk out"
         )
 
 
@@ -55,12 +54,13 @@ def built_localiser(args: argparse.Namespace, folder: Path | None = None) -> Bui
     return build_localiser(folder, vehicle=chosen_vehicle(args), site=_site(args))
 
 
-def ranging_of(built: Built) -> Ranging:
-    """Ranges that err as the site states."""
+def ranging_of(built: Built, *, elsewhere: bool = False) -> Ranging:
+    """Ranges that err as the site states; elsewhere: as of `Ranging`."""
     from workbench.simulation.range_beacons import RangeErrors
     from workbench.simulation.ranged_place import Ranging
 
-    return Ranging(built, RangeErrors.stated(built.numbers.site, dropped=DROPPED))
+    errors = RangeErrors.stated(built.numbers.site, dropped=DROPPED)
+    return Ranging(built, errors, elsewhere=elsewhere)
 
 
 def localiser_notes(driven: BusDrive) -> tuple[str, ...]:
@@ -69,7 +69,7 @@ def localiser_notes(driven: BusDrive) -> tuple[str, ...]:
 
     scores = ToldScores.of(driven.told)
     none = "localiser among beacons: no set once the scenario had begun"
-    return (_INSTEAD, none if scores is None else scores.words)
+    return (INSTEAD, none if scores is None else scores.words)
 
 
 def _site(args: argparse.Namespace) -> Site | None:

@@ -115,7 +115,7 @@ class BusWorld:
         """Until the scene begins nobody is there, and the car stands, or is driven by hand to where
         it begins."""
         if self.ranged is not None and self.now_us < self._begun_us:
-            self.ranged.drive(self.now_us, step_us)
+            self.ranged.drive(self.now_us - self._begun_us + RUN_UP_US, step_us)
         else:
             self._command()
         self.now_us += step_us

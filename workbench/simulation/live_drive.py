@@ -1,30 +1,22 @@
 """A scenario in real time: the real `workbench-monitor` drives, as a process of its own.
 
-The same world as in virtual time, with its frames on a serial line of the system (`slcan`). The
+The same world as in virtual time, with its frames on serial lines of the system (`slcan`). The
 process loads a signed bundle, is armed over its control socket, and writes its own log. What it
 decided is read from that log, by a core that is given all frames again at the same microseconds.
+With beacons around, `workbench-localiser` is a process on the same bus.
 """
 
 from __future__ import annotations
 
 import contextlib
-import os
-import select
-import signal
-import subprocess
-import sys
-import tempfile
-import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, final
 
-import workbench
 from workbench.errors import InputError
 from workbench.runtime import load_bundle
-from workbench.runtime.onboard.control import ask
 from workbench.runtime.onboard.playback import Compared, compare
 from workbench.runtime.onboard.playback_logs import MCAP_SUFFIX, open_log
 from workbench.runtime.onboard.playback_settings import core_again
@@ -32,37 +24,36 @@ from workbench.runtime.onboard.states import State
 from workbench.runtime.protocols import Refusal, decode, load_protocol
 from workbench.simulation.bus_drive import BusDrive, Recorded
 from workbench.simulation.bus_world import BusWorld
+from workbench.simulation.live_processes import (
+    Ended,
+    Installed,
+    Operator,
+    Program,
+    localiser_on,
+    monitor_on,
+)
 from workbench.simulation.live_story import LiveStory, PlayedAgain
 from workbench.simulation.measures import Progress
+from workbench.simulation.pacmod2_unit import CanFrame
+from workbench.simulation.run_up import BEGUN_US as RUN_UP_US
 from workbench.simulation.serial_line import SerialLine
 
-_MODULE: Final = "workbench.runtime.onboard.main"
 _OWN: Final = load_protocol("workbench")
 _NEVER_US: Final = 10**12
 _READY_S: Final = 40.0
 _ENDS_S: Final = 20.0
 _PACE_S: Final = 0.002
 _SOON_US: Final = 200_000
-_ASKED_EVERY_S: Final = 0.25
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Installed:
-    """What stands on a vehicle's disk: the folder of a signed bundle with the scenario's path, and
-    the public key that it is checked with."""
-
-    bundle: Path
-    public_key: Path
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class LiveDrive:
-    """driven: as in virtual time; log: of the monitor; compared: the log against what was decided
-    again; ready_s: from the process's start until it could be armed; behind_s: most that the world
-    was late; lost: frames that the line did not take; status: of the process at its end; said: what
-    it wrote on standard error."""
+    """driven: as in virtual time, without what a localiser told, whose clock is its own; log: of
+    the monitor; compared: the log against what was decided again; ready_s: from the start of the
+    processes until they were; behind_s: most that the world was late; lost: frames that a line did
+    not take; located: sets with a heading that a localiser sent while the scenario ran; monitor,
+    localiser: how they ended, None for none."""
 
     driven: BusDrive
     log: Path
@@ -70,8 +61,9 @@ class LiveDrive:
     ready_s: float
     behind_s: float
     lost: int
-    status: int
-    said: str
+    located: int
+    monitor: Ended
+    localiser: Ended | None = None
 
 
 def drive_live(
@@ -80,120 +72,51 @@ def drive_live(
 ) -> LiveDrive:  # fmt: skip
     """Let the monitor drive until the scenario is over, then let it end.
 
-    log: folder of its log, which must not hold one. Takes the scenario's duration and some seconds.
-    Raises InputError, with the monitor's last words, where it refuses to start or cannot be armed.
+    log: folder of its log, which must not hold one, and of the localiser's. A localiser is
+    installed where the world ranges for one elsewhere (`Ranging.elsewhere`); then a driver takes
+    the car to the path's beginning first. Takes the scenario's duration and some seconds. Raises
+    InputError, with the last words of a process that refuses to start, or of a monitor that cannot
+    be armed.
     """
     world.begin(_NEVER_US)
     story = LiveStory(world, recorded)
     with contextlib.ExitStack() as open_things:
-        line = SerialLine()
-        open_things.callback(line.close)
-        monitor = open_things.enter_context(_started(installed, line, log))
-        live = _Live(world, line, story)
-        ready_s = live.until_ready(monitor)
-        live.until_over(monitor, progress)
-        status = live.until_ended(monitor)
+        lines = [SerialLine()]
+        open_things.callback(lines[0].close)
+        monitor, operator = open_things.enter_context(
+            monitor_on(lines[0].name, installed, log, wait_s=_READY_S)
+        )
+        programs = [monitor]
+        if installed.localiser is not None:
+            lines.append(SerialLine())
+            open_things.callback(lines[1].close)
+            programs.append(
+                open_things.enter_context(
+                    localiser_on(lines[1].name, installed, log, wait_s=_READY_S)
+                )
+            )
+        live = _Live(world, lines, story)
+        ready_s = live.until_ready(operator, programs)
+        live.until_over(operator, programs, progress)
+        story.ends()
+        ended = [live.until_ended(each) for each in programs]
     file = next(iter(sorted(log.glob(f"*{MCAP_SUFFIX}"))), log / "no log")
     driven, compared = _again(installed.bundle, file, story)
     return LiveDrive(
-        driven, file, compared, ready_s, live.behind_s, line.lost, status, monitor.said
-    )
-
-
-@final
-class _Monitor:
-    """The process, its words, and an operator who arms it and arms it again after a fault."""
-
-    def __init__(self, process: subprocess.Popen[bytes], control: Path) -> None:
-        self.process, self._control = process, control
-        self.said, self.state = "", ""
-        self._over = threading.Event()
-        self._arms = threading.Event()
-        self._threads = [threading.Thread(target=each, daemon=True)
-                         for each in (self._read, self._operate)]  # fmt: skip
-        for thread in self._threads:
-            thread.start()
-
-    def may_arm(self) -> None:
-        """The operator may arm from now on."""
-        self._arms.set()
-
-    def require_alive(self) -> None:
-        """InputError with its last words where it has ended."""
-        if self.process.poll() is not None:
-            words = self.said.strip().splitlines() or ["no message"]
-            raise InputError(f"expected workbench-monitor to run, it ended: {words[-1]}")
-
-    def close(self) -> None:
-        """Nobody asks and nobody listens any more."""
-        self._over.set()
-        for thread in self._threads:
-            thread.join()
-
-    def _read(self) -> None:
-        stream = self.process.stderr
-        assert stream is not None, "a pipe was asked for"
-        while not self._over.is_set():
-            if select.select((stream,), (), (), 0.1)[0]:
-                text = os.read(stream.fileno(), 4096)
-                if not text:
-                    return
-                self.said += text.decode(errors="replace")
-
-    def _operate(self) -> None:
-        while not self._over.wait(_ASKED_EVERY_S):
-            with contextlib.suppress(InputError, OSError):
-                found = ask(self._control, "status", wait_s=0.5)
-                self.state = str(found.get("state", ""))
-                word = _WORDS.get(self.state)
-                if word is not None and self._arms.is_set():
-                    ask(self._control, word.format(code=found.get("code")), wait_s=0.5)
-                    self._over.wait(1.0)
-
-
-_WORDS: Final[Mapping[str, str]] = {
-    State.DISARMED.name: "arm {code}",
-    State.FAULT.name: "disarm",
-    State.YIELDED.name: "rearm {code}",
-}
-
-
-@contextlib.contextmanager
-def _started(installed: Installed, line: SerialLine, log: Path) -> Iterator[_Monitor]:
-    """The program with all that drive mode needs; it is gone after the block."""
-    # Only its owner may enter it, as the monitor asks.
-    folder = tempfile.TemporaryDirectory(prefix="workbench-")
-    control = Path(folder.name)
-    root = str(Path(workbench.__file__).resolve().parents[1])
-    process = subprocess.Popen(
-        [
-            sys.executable, "-P", "-m", _MODULE, f"--bundle={installed.bundle}",
-            f"--public-key={installed.public_key}", "--interface=slcan", f"--channel={line.name}",
-            "--mode=drive", f"--control={control}", f"--log={log}", f"--wait={_READY_S}",
-        ],
-        stderr=subprocess.PIPE, env={**os.environ, "PYTHONPATH": root},
+        driven, file, compared, ready_s, live.behind_s, sum(line.lost for line in lines),
+        live.located, *ended,
     )  # fmt: skip
-    monitor = _Monitor(process, control)
-    try:
-        yield monitor
-    finally:
-        if process.poll() is None:
-            process.kill()
-        process.wait()
-        monitor.close()
-        assert process.stderr is not None, "a pipe was asked for"
-        process.stderr.close()
-        folder.cleanup()
 
 
 @final
 class _Live:
-    """The world, kept to the clock on the wall."""
+    """The world, kept to the clock on the wall; every line hears what comes from the others."""
 
-    def __init__(self, world: BusWorld, line: SerialLine, story: LiveStory) -> None:
-        self._world, self._line, self._story = world, line, story
+    def __init__(self, world: BusWorld, lines: Sequence[SerialLine], story: LiveStory) -> None:
+        self._world, self._lines, self._story = world, lines, story
         self._begun_s = time.monotonic()
         self.behind_s = 0.0
+        self.located = 0
 
     def _elapsed_s(self) -> float:
         return time.monotonic() - self._begun_s
@@ -201,53 +124,75 @@ class _Live:
     def step(self) -> None:
         """What has come goes in, what is due goes out."""
         world = self._world
-        for identifier, data in self._line.receive(_PACE_S):
-            world.hear(identifier, data)
-            said = decode(_OWN, identifier, data)
-            if not isinstance(said, Refusal) and said.message == "HEARTBEAT":
-                self._story.beat(data, State(int(said.values["STATE"])))
+        for k, line in enumerate(self._lines):
+            for frame in line.receive(0.0 if k else _PACE_S):
+                self._hear(frame)
+                self._send(frame, *(each for each in self._lines if each is not line))
         now_us = round(1e6 * self._elapsed_s())
         if world.scenario_s > 0.0:
             self.behind_s = max(self.behind_s, (now_us - world.now_us) / 1e6)
         for sent in world.until(now_us):
-            self._line.send((sent.identifier, sent.data))
+            self._send((sent.identifier, sent.data), *self._lines)
 
-    def until_ready(self, monitor: _Monitor) -> float:
-        """The car stands, until the monitor waits to be armed; how long that took, s."""
-        while monitor.state != State.DISARMED.name:
+    def _hear(self, frame: CanFrame) -> None:
+        identifier, data = frame
+        self._world.hear(identifier, data)
+        said = decode(_OWN, identifier, data)
+        if isinstance(said, Refusal):
+            return
+        if said.message == "HEARTBEAT":
+            self._story.beat(data, State(int(said.values["STATE"])))
+        self.located += said.message == "LOC_RADII" and self._world.scenario_s >= 0.0
+
+    def _send(self, frame: CanFrame, *lines: SerialLine) -> None:
+        for line in lines:
+            line.send(frame)
+
+    def until_ready(self, operator: Operator, programs: Sequence[Program]) -> float:
+        """The car stands, until the monitor waits to be armed; how long that took, s.
+
+        A car with a localiser is driven to the path's beginning then.
+        """
+        others = programs[1:]
+        while operator.state != State.DISARMED.name or not all(each.listens for each in others):
             self.step()
-            monitor.require_alive()
+            for each in programs:
+                each.require_alive()
             if self._elapsed_s() > _READY_S:
+                said = "; ".join(f"{each.name}: {each.said.strip()[-300:]!r}" for each in programs)
                 raise InputError(
-                    f"expected workbench-monitor to be ready within {_READY_S:g} s, it said: "
-                    f"{monitor.said.strip()[-300:] or 'nothing'}"
+                    f"expected everybody to be ready within {_READY_S:g} s, they said: {said}"
                 )
-        self._world.begin(self._world.now_us + _SOON_US)
+        world = self._world
+        world.begin(world.now_us + (_SOON_US if world.ranged is None else RUN_UP_US))
         return self._elapsed_s()
 
-    def until_over(self, monitor: _Monitor, progress: Progress | None) -> None:
-        """The scenario."""
+    def until_over(
+        self, operator: Operator, programs: Sequence[Program], progress: Progress | None
+    ) -> None:
+        """The scenario, which the operator waits for."""
         duration_s, done = self._world.scene.scenario.duration_s, 0
-        monitor.may_arm()
         while self._world.scenario_s < duration_s:
             self.step()
-            monitor.require_alive()
+            for each in programs:
+                each.require_alive()
+            if self._world.scenario_s >= 0.0:
+                operator.may_arm()
             if progress is not None and done < int(self._world.scenario_s):
                 done = int(self._world.scenario_s)
                 progress(done, max(done, int(duration_s)))
 
-    def until_ended(self, monitor: _Monitor) -> int:
-        """It is told to end, brakes to standstill and leaves; its exit status."""
-        self._story.ends()
-        monitor.process.send_signal(signal.SIGTERM)
+    def until_ended(self, program: Program) -> Ended:
+        """It is told to end; a monitor brakes to standstill and leaves."""
+        program.terminate()
         since_s = self._elapsed_s()
-        while monitor.process.poll() is None and self._elapsed_s() - since_s < _ENDS_S:
+        while program.runs and self._elapsed_s() - since_s < _ENDS_S:
             self.step()
-        if monitor.process.poll() is None:
+        if program.runs:
             raise InputError(
-                f"expected workbench-monitor to end within {_ENDS_S:g} s of SIGTERM, it goes on"
+                f"expected {program.name} to end within {_ENDS_S:g} s of SIGTERM, it goes on"
             )
-        return int(monitor.process.returncode)
+        return program.ended()
 
 
 def _again(folder: Path, file: Path, story: LiveStory) -> tuple[BusDrive, Compared]:

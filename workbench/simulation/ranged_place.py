@@ -40,11 +40,13 @@ class Ranging:
     the time between two of one beacon.
 
     errors may be others than the site states: then the sets promise more than they hold.
+    elsewhere: the localiser is a process of its own on the same bus.
     """
 
     built: Built
     errors: RangeErrors
     period_us: int = RANGED_US
+    elsewhere: bool = False
 
 
 def require_heard(ranging: Ranging, settings: OnboardSettings) -> None:
@@ -87,16 +89,17 @@ class Told:
 class RangedPlace:
     """Beacons, localiser and driver around one car; instants are of the bus, in us.
 
-    told: all sets with a heading so far. The same ranging, scene and seed give the same frames.
+    core: None where it is elsewhere. told: all sets with a heading so far that the core sent. The
+    same ranging, scene and seed give the same frames.
     """
 
     def __init__(self, ranging: Ranging, scene: Scene, *, seed: int) -> None:
         numbers, wire = ranging.built.numbers, scene.setting.vehicle.drive_by_wire
         assert wire is not None, "who drives has a drive-by-wire"
         chance = random.Random(f"ranges {seed}")
-        self.core = LocaliserCore(
+        self.core = None if ranging.elsewhere else LocaliserCore(
             numbers, ranging.built.steps, level=numbers.level, period_us=PERIOD_US
-        )
+        )  # fmt: skip
         self.told: list[Told] = []
         self._scene = scene
         self._beacons = Beacons(numbers.site, ranging.errors, chance, period_us=ranging.period_us)
@@ -106,13 +109,14 @@ class RangedPlace:
         self._past: deque[tuple[int, Motion]] = deque()
 
     def drive(self, at_us: int, duration_us: int) -> None:
-        """The run-up goes on for a time, by hand."""
+        """The run-up goes on for a time, by hand; it begins at 0 and is over at its `BEGUN_US`."""
         self._driver.press(at_us)
         self._scene.car.advance(duration_us)
 
     def hear(self, identifier: int, data: bytes, at_us: int) -> None:
         """A frame on the bus."""
-        self.core.receive(identifier, data, at_us + _CLOCK_US)
+        if self.core is not None:
+            self.core.receive(identifier, data, at_us + _CLOCK_US)
 
     def due(self, at_us: int, *, silent: bool) -> Iterator[tuple[int, CanFrame]]:
         """What beacons and localiser send by now, and when it is on the bus; silent: no ranges."""
@@ -121,9 +125,10 @@ class RangedPlace:
         while self._past[0][0] < at_us - _KEPT_US:
             self._past.popleft()
         yield from self._beacons.due(motion, at_us, silent=silent)
-        if at_us >= self._turn_us:
+        core = self.core
+        if core is not None and at_us >= self._turn_us:
             self._turn_us += TURN_US
-            result = self.core.turn(at_us + _CLOCK_US, lambda: at_us + _CLOCK_US)
+            result = core.turn(at_us + _CLOCK_US, lambda: at_us + _CLOCK_US)
             for k, frame in enumerate(result.frames):
                 yield at_us + _BEGINS_US + k * _APART_US, (frame.identifier, frame.data)
                 self._note(frame.identifier, frame.data)

@@ -93,17 +93,21 @@ class Rig:
         With ranging, a driver takes the car to the path's beginning first. Raises InputError for a
         localiser whose sets come later than the bundle allows.
         """
-        settings, away_m = self.settings, 0.0
-        if setting is not None and setting.ranging is not None:
-            require_heard(setting.ranging, settings)
-            away_m = AWAY_M
-        scene = self.scene(trial, away_m=away_m)
-        core = Core(
-            self.bundle.with_deciding(deciding), scene.setting.path, settings, mode=Mode.DRIVE
-        )
-        world = BusWorld(scene, setting or BusSetting(settings.maker), seed=trial.seed)
+        settings = self.settings
+        world = self.world(trial, setting or BusSetting(settings.maker))
+        path = world.scene.setting.path
+        core = Core(self.bundle.with_deciding(deciding), path, settings, mode=Mode.DRIVE)
         loop = BusLoop(core, world, seed=trial.seed)
         return drive(loop, world, recorded or Recorded(), progress=progress)
+
+    def world(self, trial: Trial, setting: BusSetting) -> BusWorld:
+        """The scene on the bus. With ranging the car stands before the path's beginning, and a
+        driver takes it there; InputError as of `on_bus`."""
+        away_m = 0.0
+        if setting.ranging is not None:
+            require_heard(setting.ranging, self.settings)
+            away_m = AWAY_M
+        return BusWorld(self.scene(trial, away_m=away_m), setting, seed=trial.seed)
 
     def at_desk(self, trial: Trial, judge: MakeJudge) -> DriveOutcome:
         """Driven without frames, faster; judge: a monitor (`monitor`) or whoever else decides."""
