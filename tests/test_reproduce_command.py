@@ -59,7 +59,7 @@ def rig() -> Rig:
 
 @pytest.fixture(scope="module")
 def bundle() -> Bundle:
-    return paper_bundle(VEHICLE, horizon_s=5.0)
+    return paper_bundle(paper_spec(VEHICLE, 5.0))
 
 
 @pytest.fixture(scope="module")

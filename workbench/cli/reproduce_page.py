@@ -12,8 +12,9 @@ if TYPE_CHECKING:
     from workbench.report.page import Block, Page
 
 _TABLE_1: Final = (
-    "The paper timed three nested reach sets of TRACK, its reach module in Python on the vehicle's "
-    "computer. The first rows are the same three sets by the compiled code that the vehicle runs, "
+    "The paper timed reach sets of TRACK on the vehicle's computer, presumably the three nested "
+    "ones of its figure; it calls the time at T = 3 s a maximum, and the growth with T linear. The "
+    "first rows are three such sets by the compiled code that the vehicle runs, "
     "each computed to its end (on the vehicle the first set that settles the question spares the "
     "others): with the paper's model, and with N and W of the vehicle file. The next rows are "
     "whole decisions, once for each set: TRACK, TRACK then BRAKE to standstill, and BRAKE, of "
@@ -28,12 +29,14 @@ _TABLE_1: Final = (
     "are not of the same starts.",
 )
 _TABLE_2: Final = (
-    "The paper replayed simulated drives and counted, at each step, whether the reach set held the "
-    "car. So does this: a tube of TRACK for every decision, from the set that the monitor had "
+    "The paper replayed simulated drives and checked, at each step, whether the reach set held the "
+    "car. This can be read in two ways, of steps and of whole sets, and its numbers stand under "
+    "both. Here: a tube of TRACK for every decision, from the set that the monitor had "
     "measured, and the car's true position (middle of its rear axle) at every turn of the monitor, "
     "32.5 ms apart, as long as TRACK is what was sent. After a BRAKE nothing is compared; steps "
     "before it count, the trajectory then does not count as a whole one. Where a tube ends before "
-    "T, later steps count as not contained.",
+    "T, later steps count as not contained; in brackets are those where it had not ended and the "
+    "car was outside.",
     "High confidence is the whole measured set, which is made to hold the car. Low is the smallest "
     "share of its radii that held the car at every decision of other drives, medium the middle of "
     "the two (with --thirds: two thirds and one third, which nothing makes hold the car). The last "
@@ -42,7 +45,11 @@ _TABLE_2: Final = (
     "in the set leave the others out.",
     "The first method has the paper's model, a bicycle under its controller that reads its state "
     "without error: what it misses is the honest lower figure. The second has N and W of the "
-    "vehicle file. The third is the paper's own: the measured set is cut into regions, the same "
+    "vehicle file, and the reference speed anywhere, at any time, between that of the decision and "
+    "the one that is wanted: a car that has set off is still being brought up to it. The third "
+    "holds the reference of the decision, as the vehicle's monitor does, which decides anew at "
+    "every change: a car that goes on to be brought up to speed leaves it ahead. The last is the "
+    "paper's own: the measured set is cut into regions, the same "
     "model simulated once from the middle of each, and every simulation bloated by a bound that "
     "was learned before from pairs of runs of the model. It is SAMPLED: nothing is proved, least "
     "of all of a car that is not the model. What it contains it owes to its width; compare the "
@@ -61,16 +68,17 @@ def paper_page(found: Found, *, command: str, require: float) -> Page:
     from workbench.report.page import Notice, Page, Paragraph, Section
     from workbench.report.paper import results_figure
     from workbench.report.paper_intent import intent_figure, intent_person
-    from workbench.simulation.paper.accuracy import STARTS
+    from workbench.simulation.paper.accuracy import AT_SPEED_MPS, STARTS
 
     least = found.least
     reached = "which is what was asked" if least >= require else "which is less than asked"
     lead = (
         "The paper's evaluation, repeated on simulated drives: a car that the analysis did not "
         "write, driven over CAN frames by the code that runs on the vehicle.",
-        f"Of decisions at speed, the tubes with N and W of the vehicle file contain at least "
-        f"{least:.2%} of the steps on every plant, at every T and confidence, {reached} "
-        f"({require:.2%}); the paper's contain 92.08 % to 98.91 %.",
+        f"Of decisions at {AT_SPEED_MPS:g} m/s and more, the tubes with N and W of the vehicle "
+        f"file contain at least {least:.2%} of the steps on every plant, at every T and "
+        f"confidence, {reached} ({require:.2%}); the paper's contain 92.08 % to 98.91 %. At any "
+        f"speed, {found.outside} steps were outside of one that had not ended.",
     )
     table_1: list[Block] = [time_table(found.times), *map(Paragraph, _TABLE_1)]
     calls = "; ".join(

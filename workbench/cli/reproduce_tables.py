@@ -47,11 +47,12 @@ def accuracy_tables(found: Found, *, starts: str) -> tuple[Table, ...]:
     rows = [row for row in found.accuracy if row.starts == starts]
     headings = ["plant", "tubes", "confidence", *(f"T = {t:g} s" for t in HORIZONS_S)]
     about = f"decisions {starts}"
+    counted = "and how many were outside of a tube that had not ended"
     return (
-        Table(f"Table II: steps contained (%), {about}", headings,
+        Table(f"Table II: steps contained (%), {counted}, {about}", headings,
               [_line(row, _steps) for row in rows] + _published()),
         Table(f"whole trajectories contained (%), with 95 % intervals, {about}", headings,
-              [_line(row, _windows) for row in rows]),
+              [_line(row, _windows) for row in rows] + _published()),
         Table(f"mean area of the tubes (m2), {about}", headings,
               [_line(row, _area) for row in rows]),
     )  # fmt: skip
@@ -61,7 +62,7 @@ def _published() -> list[list[Cell]]:
     from workbench.simulation.paper.accuracy import CONFIDENCES, PUBLISHED
 
     return [
-        [PAPER, "learned beta", name, *(f"{100.0 * share:.2f}" for share in shares)]
+        [PAPER, "learned beta", name, *(f"{100.0 * share:.3f}" for share in shares)]
         for name, shares in zip(CONFIDENCES, PUBLISHED, strict=True)
     ]
 
@@ -82,7 +83,8 @@ def _shown(cell: object, kind: int) -> Cell:
     if not isinstance(cell, Counted):
         return None
     if kind == _steps:
-        return f"{100.0 * cell.steps.value:.2f}"
+        # Rounded down: what is not all must not look like it.
+        return f"{math.floor(1e5 * cell.steps.value) / 1e3:.3f} ({cell.outside})"
     if kind == _area:
         return f"{cell.mean_area_m2:.2f}{_missing(cell.area_rows)}"
     if cell.windows is None:
@@ -143,8 +145,8 @@ def accuracy_csv(found: Found) -> str:
     from workbench.simulation.paper.accuracy import CONFIDENCES, HORIZONS_S
 
     heads = ["plant", "tubes", "confidence", "starts", "horizon_s", "runs", "steps_inside", "steps",
-             "steps_low", "steps_high", "steps_drawn_low", "steps_drawn_high", "windows_inside",
-             "windows_whole", "windows_low", "windows_high", "windows_drawn_low",
+             "steps_low", "steps_high", "steps_drawn_low", "steps_drawn_high", "outside",
+             "windows_inside", "windows_whole", "windows_low", "windows_high", "windows_drawn_low",
              "windows_drawn_high", "windows", "cut_short", "proof_ended", "sets_hold_car",
              "mean_area_m2", "area_rows"]  # fmt: skip
     lines = [heads]
@@ -155,6 +157,7 @@ def accuracy_csv(found: Found) -> str:
             steps, whole = cell.steps, cell.windows
             numbers: tuple[float | str, ...] = (
                 t, cell.runs, steps.inside, steps.of, steps.low, steps.high, *cell.steps_drawn,
+                cell.outside,
                 *((whole.inside, whole.of, whole.low, whole.high) if whole else ("", "", "", "")),
                 *cell.windows_drawn, cell.all_windows, cell.censored, cell.proof_ended, cell.begins,
                 cell.mean_area_m2, cell.area_rows,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Final, final
 
 from workbench.cli.output import Progress
@@ -22,12 +21,13 @@ if TYPE_CHECKING:
 
 FIRST_SEED: Final = 1000
 """Figures of a vehicle file are fitted to runs of lower seeds."""
-FIT_SEED: Final = 900
-"""First seed of the runs that the nested sets are fitted to."""
+FIT_SEED: Final = 1_000_000
+"""First seed of the runs that the nested sets are fitted to; so many are never judged."""
 SCENARIOS: Final = ("paper_alongside_simulation", "paper_alongside_vehicle")
 PLANTS: Final = ("single-track", "multi-body")
 PLAIN: Final = "the paper's model: bicycle and controller alone"
 FITTED: Final = "with N and W of the vehicle file"
+HELD: Final = "with N and W, reference speed held (as on the vehicle)"
 LEARNED: Final = "the paper's method: learned beta, regions simulated (SAMPLED)"
 _PANEL_HORIZON_S: Final = 3.0
 _STARTS, _STARTS_QUICK = 60, 6
@@ -64,46 +64,91 @@ class Found:
         ]
         return min((share for share in shares if share is not None), default=0.0)
 
+    @property
+    def outside(self) -> int:
+        """Steps at which the car was outside of a tube with N and W that had not ended, at any
+        speed, T and confidence; several T count a step more than once."""
+        from workbench.simulation.paper.accuracy import STARTS
+
+        return sum(
+            cell.outside
+            for row in self.accuracy
+            if (row.method, row.starts) == (FITTED, STARTS[-1].name)
+            for cell in row.cells
+            if cell is not None
+        )
+
 
 def measured(args: argparse.Namespace) -> Found:
-    """Build, drive, compare, time. Raises InputError without a C compiler, and without the extra
-    `commonroad` where its plant is asked for."""
-    from workbench.models.vehicle import load_vehicle
+    """Build, drive, compare, time. Raises InputError without a C compiler, without the extra
+    `commonroad` where its plant is asked for, and for a vehicle that cannot drive."""
     from workbench.simulation.paper.accuracy import CONFIDENCES, accuracy_rows
     from workbench.simulation.paper.confidences import THIRDS
     from workbench.simulation.paper.tubes import KernelTubes, certain, loaded
-    from workbench.simulation.simulated import build_rig, simulated_path
+    from workbench.simulation.simulated import build_rig
 
-    seeds = tuple(range(FIRST_SEED, FIRST_SEED + (1 if args.quick else args.seeds)))
-    trials = _trials(args, seeds)
-    file: Path = args.vehicle or simulated_path()
-    vehicle = load_vehicle(file)
-    with Progress("building the kernels", 3) as bar:
+    trials = _trials(args, FIRST_SEED)
+    vehicle = _vehicle(args)
+    with Progress("building the kernels", 4) as bar:
         rig = build_rig(vehicle=vehicle)
         bar.advance()
         kernels = _kernels(args, vehicle, bar)
     bundle = loaded(kernels.files)
-    methods = tuple(
-        KernelTubes(bundle, vehicle, unsure=unsure, title=title)
-        for unsure, title in ((False, PLAIN), (True, FITTED))
-    )
     assert kernels.learned is not None, "made in _kernels"
     learned = loaded(kernels.learned)
-    methods += (KernelTubes(learned, vehicle, unsure=False, title=LEARNED),)
+    held = KernelTubes(bundle, vehicle, unsure=True, title=HELD)
+    methods = (
+        KernelTubes(bundle, vehicle, unsure=False, title=PLAIN), _ramping(vehicle, bar), held,
+        KernelTubes(learned, vehicle, unsure=False, title=LEARNED),
+    )  # fmt: skip
     shares = THIRDS if args.thirds else _fitted(args, rig)
     runs = _replays(rig, trials, shares, what="drives")
     with Progress("tubes against drives", len(runs) * len(methods) * len(CONFIDENCES)) as bar:
         accuracy = accuracy_rows(runs, methods, advance=bar.advance)
-    panels = _panels(args, rig, methods[1], seeds[0])
-    times = _times(args, kernels, certain(bundle, vehicle), runs, methods[1])
+    panels = _panels(args, _with_levels(vehicle, shares), held)
+    times = _times(args, kernels, certain(bundle, vehicle), runs, held)
     statement = next(
         each.evidence for each in learned.manifest.assumptions if each.name == "learned bound"
     )
     return Found(
-        times, accuracy, panels, runs, seeds,
+        times, accuracy, panels, runs, tuple(trial.seed for trial in trials),
         tuple(dict.fromkeys(trial.scenario.name for trial in trials)),
         tuple(dict.fromkeys(trial.plant for trial in trials)), shares, statement,
     )  # fmt: skip
+
+
+def _with_levels(vehicle: Vehicle, shares: Sequence[float]) -> Rig:
+    """A rig with nested sets of these shares."""
+    from workbench.runtime.contents import NestedLevel
+    from workbench.simulation.paper.accuracy import CONFIDENCES
+    from workbench.simulation.simulated import build_rig
+
+    named = zip(CONFIDENCES, shares, strict=True)
+    return build_rig(vehicle=vehicle, levels=tuple(NestedLevel(*each) for each in named))
+
+
+def _vehicle(args: argparse.Namespace) -> Vehicle:
+    """The file asked for, or the shipped one."""
+    from workbench.cli.simulate_subject import chosen_vehicle
+
+    vehicle = chosen_vehicle(args)
+    if vehicle.drive_by_wire is None:
+        raise InputError(
+            f"--vehicle: expected a file with [drive_by_wire], since it is driven, got "
+            f"{args.vehicle} without; `workbench new drive NAME` writes one to edit"
+        )
+    return vehicle
+
+
+def _ramping(vehicle: Vehicle, bar: Progress) -> KernelTubes:
+    """Tubes with N and W of a loop whose reference speed is on its way."""
+    from workbench.simulation.paper.accuracy import HORIZONS_S
+    from workbench.simulation.paper.tubes import KernelTubes, paper_bundle, paper_spec
+
+    spec = paper_spec(vehicle, max(HORIZONS_S), ramps=True)
+    found = KernelTubes(paper_bundle(spec), spec.vehicle, unsure=True, title=FITTED)
+    bar.advance()
+    return found
 
 
 def _kernels(args: argparse.Namespace, vehicle: Vehicle, bar: Progress) -> TimedKernels:
@@ -123,7 +168,9 @@ def _kernels(args: argparse.Namespace, vehicle: Vehicle, bar: Progress) -> Timed
     return TimedKernels(spec, files, learned)
 
 
-def _trials(args: argparse.Namespace, seeds: tuple[int, ...]) -> tuple[Trial, ...]:
+def _trials(args: argparse.Namespace, first_seed: int) -> tuple[Trial, ...]:
+    """Every plant in every scenario, as often as asked. No two scenarios share a seed: with one,
+    two in which nobody is in the way would be one drive."""
     import dataclasses
 
     from workbench.simulation.plants.make import PLANTS as KNOWN
@@ -142,10 +189,10 @@ def _trials(args: argparse.Namespace, seeds: tuple[int, ...]) -> tuple[Trial, ..
             for each in scenarios
         ]
     return tuple(
-        Trial(scenario, plant, seed)
+        Trial(scenario, plant, first_seed + k * args.seeds + drive)
         for plant in dict.fromkeys(plants)
-        for scenario in scenarios
-        for seed in seeds
+        for k, scenario in enumerate(scenarios)
+        for drive in range(args.seeds)
     )
 
 
@@ -153,8 +200,7 @@ def _fitted(args: argparse.Namespace, rig: Rig) -> tuple[float, ...]:
     """Sizes of the nested sets, by as many other drives as are judged."""
     from workbench.simulation.paper.confidences import TRIED, fitted
 
-    seeds = tuple(range(FIT_SEED, FIT_SEED + (1 if args.quick else args.seeds)))
-    return fitted(_replays(rig, _trials(args, seeds), TRIED, what="drives to fit the sets to"))
+    return fitted(_replays(rig, _trials(args, FIT_SEED), TRIED, what="drives to fit the sets to"))
 
 
 def _replays(
@@ -166,8 +212,8 @@ def _replays(
         return tuple(replay(rig, trial, shares=shares, advance=bar.advance) for trial in trials)
 
 
-def _panels(args: argparse.Namespace, rig: Rig, tubes: KernelTubes, seed: int) -> tuple[Panel, ...]:
-    """The four scenarios, on one plant."""
+def _panels(args: argparse.Namespace, rig: Rig, tubes: KernelTubes) -> tuple[Panel, ...]:
+    """The four scenarios, on one plant; the rig's nested sets are drawn and judged."""
     from workbench.simulation.paper.panels import PANELS, panel
     from workbench.simulation.rig import Trial
     from workbench.simulation.scenarios.shipped import named
@@ -176,7 +222,7 @@ def _panels(args: argparse.Namespace, rig: Rig, tubes: KernelTubes, seed: int) -
     drawn = []
     with Progress("the four scenarios", len(PANELS)) as bar:
         for name in PANELS:
-            trial = Trial(named(name), plant, seed)
+            trial = Trial(named(name), plant, FIRST_SEED)
             drawn.append(panel(rig, trial, tubes, horizon_s=_PANEL_HORIZON_S))
             bar.advance()
     return tuple(drawn)

@@ -50,12 +50,25 @@ class Mode(Protocol):
 @final
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Follow the path at `reference_speed_mps` (parameter `reference_speed`)."""
+    """Follow the path at `reference_speed_mps` (parameter `reference_speed`).
+
+    change_mps: by how much the reference may differ from it at any time, as while it is ramped
+    (disturbance `reference_speed_change`); (0, 0): it is held, and there is no such disturbance.
+    """
 
     reference_speed_mps: float
+    change_mps: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        require_finite("Track", reference_speed_mps=self.reference_speed_mps)
+        lower, upper = self.change_mps
+        require_finite(
+            "Track", reference_speed_mps=self.reference_speed_mps, change_lower_mps=lower,
+            change_upper_mps=upper,
+        )  # fmt: skip
+        if not lower <= 0.0 <= upper:
+            raise InputError(
+                f"Track: expected change_mps as (lower <= 0, upper >= 0), got {self.change_mps!r}"
+            )
 
     def moving_speed(self, speed: ca.SX) -> ca.SX:
         """The speed state itself."""
@@ -64,6 +77,11 @@ class Track:
     def act(self, symbols: Symbols, reading: Reading) -> ModeAction:
         """Speed PID to the reference; steering as the steering PID asks."""
         reference = symbols.parameter("reference_speed", "m/s", self.reference_speed_mps)
+        lower, upper = self.change_mps
+        if lower < upper:
+            reference += symbols.disturbance(
+                "reference_speed_change", "m/s", 0.0, lower=lower, upper=upper
+            )
         acceleration = reading.speed_pid.command(
             symbols, reading.speed, reference=reference, integral=reading.speed_integral
         )

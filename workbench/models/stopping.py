@@ -18,10 +18,11 @@ ACCELERATION_DISTURBANCE = "acceleration_disturbance"
 STEERING_DISTURBANCE = "steering_rate_disturbance"
 MAY_DISTURB = frozenset({
     "curvature", "wheelbase", "position_error_lateral", "heading_estimate_error", SPEED_ERROR,
-    ACCELERATION_DISTURBANCE, STEERING_DISTURBANCE,
+    ACCELERATION_DISTURBANCE, STEERING_DISTURBANCE, "reference_speed_change",
 })  # fmt: skip
 """What may disturb a loop: only the acceleration's disturbance changes the speed besides the
-commands, only the speed's estimate changes what BRAKE leaves of the steering."""
+commands, only the speed's estimate changes what BRAKE leaves of the steering; the change of the
+reference acts on the command to accelerate alone, which BRAKE does not follow."""
 
 
 def stopping_loop(track: Ode, *, speeds_mps: tuple[float, float]) -> Ode:

@@ -125,7 +125,8 @@ class Vehicle:
 
     def track(self) -> Track:
         """The TRACK mode at the reference speed."""
-        return Track(self.operation.reference_speed_mps)
+        operation = self.operation
+        return Track(operation.reference_speed_mps, operation.reference_change_mps)
 
     def controller(self) -> PathFollowing:
         """The two PIDs with the vehicle's limits."""
@@ -256,14 +257,14 @@ def _operation(table: Mapping[str, object]) -> Operation:
     intervals = {}
     for key, name in REGION_KEYS.items():
         intervals[name] = as_interval(where, key, region[key])
-    numbers = {
-        key: as_number("[operation]", key, table[key])
+    speed_mps, *curvature = (
+        as_number("[operation]", key, table[key])
         for key in ("reference_speed_mps", "curvature_per_m")
         if key in table
-    }
+    )
     said = as_text("[operation]", "provenance", table)
     try:
-        return Operation(region=Box.from_intervals(intervals), provenance=said, **numbers)
+        return Operation(speed_mps, Box.from_intervals(intervals), said, *curvature)
     except InputError as error:
         raise InputError(f"[operation] {error}") from None
 

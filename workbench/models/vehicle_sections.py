@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 from workbench.controllers import VehicleBrake
@@ -97,12 +97,15 @@ class Operation:
 
     curvature_per_m: what no path bends more than, to either side; a bundle brakes where one does.
     The region's offsets, with the error of reading them, must stay below its radius.
+    reference_change_mps: see `Track.change_mps`; no vehicle file says it, since a monitor decides
+    anew whenever the reference changes.
     """
 
     reference_speed_mps: float
     region: Box
     provenance: str
     curvature_per_m: float = 0.5
+    reference_change_mps: tuple[float, float] = field(default=(0.0, 0.0), kw_only=True)
 
     def __post_init__(self) -> None:
         require_positive(self, "curvature_per_m")

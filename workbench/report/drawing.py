@@ -12,7 +12,10 @@ from dataclasses import dataclass
 from typing import Any, Final, final
 
 import matplotlib
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure as Canvas
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from workbench.claims import Verdict
 from workbench.report import keys
@@ -91,6 +94,17 @@ class Key:
 
     def __post_init__(self) -> None:
         self.sample()  # Refuses what it cannot draw.
+
+    def handle(self) -> Artist:
+        """The picture beside the words, for a legend on a canvas."""
+        colour = self.colour.replace(INK, "black")
+        if self.filled:
+            return Patch(facecolor=colour, hatch=self.hatch or None, label=self.label)
+        dashes = tuple(map(float, self.dashes.split()))
+        return Line2D(
+            [], [], color=colour, linestyle=(0.0, dashes) if dashes else "-",
+            marker=self.mark or None, label=self.label,
+        )  # fmt: skip
 
     def sample(self) -> str:
         """The picture beside the words, as the inside of an SVG."""

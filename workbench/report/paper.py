@@ -9,7 +9,7 @@ from typing import Final
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Circle, Patch, Polygon
 
 from workbench.report.drawing import (
     BLUE,
@@ -34,6 +34,7 @@ _SHADES: Final = ((0.06, 0.45), (0.08, 0.7), (0.10, 1.0))
 _TRACK: Final = (GREEN, "-")
 _BRAKE: Final = (VERMILLION, "--")
 _DRAWN: Final = 7
+"""Of a tube's rows."""
 _BESIDE_M: Final = 1.5
 _WIDTH_IN, _HEIGHT_IN = 4.7, 4.0
 
@@ -47,22 +48,11 @@ def results_figure(panels: Sequence[Panel]) -> Figure:
         )
         for each in panels
     )  # fmt: skip
-    legend = (
-        Key("path", INK, "7 3"),
-        Key("car, and its way so far", INK),
-        *(
-            Key(f"where TRACK may take the car; {decided} was decided", colour, DASHES[dashes])
-            for decided, (colour, dashes) in (("TRACK", _TRACK), ("BRAKE", _BRAKE))
-        ),
-        Key("person as measured so far", BLUE, mark="o"),
-        Key("where the person truly went", BLUE, "2 3"),
-        Key("predicted for the person", SKY, filled=True),
-    )  # fmt: skip
     caption = (
         "One decision of each scenario, seen from above: the first BRAKE of the moving car, or, "
         "where it never brakes, the first decision with somebody within 9 m. Nested, from "
-        "the outermost and palest: the tubes of the whole measured set (high confidence), of two "
-        "thirds and of one third of its radii; each is the ground that the body may cover."
+        f"the outermost and palest: tubes of {_shares(panels)}; each is the ground that the body "
+        f"may cover, drawn at {_DRAWN} of its instants."
     )
     rows = [
         (each.title, each.t_s, each.speed_mps, "TRACK" if each.tracks else "BRAKE",
@@ -75,18 +65,48 @@ def results_figure(panels: Sequence[Panel]) -> Figure:
         *(f"tube to (s), {name}" for name in CONFIDENCES),
     )  # fmt: skip
     return Figure(
-        pictures, legend, caption, Table("the four decisions", headings, rows, folded=True)
+        pictures, _LEGEND, caption, Table("the four decisions", headings, rows, folded=True)
     )
 
 
 def results_picture(panels: Sequence[Panel]) -> Canvas:
     """The four panels on one canvas, for a file."""
     with matplotlib.rc_context({"font.size": 9.0, "text.parse_math": False}):
-        canvas = Canvas(figsize=(10.4, 8.4), layout="constrained", facecolor="white")
+        canvas = Canvas(figsize=(10.4, 9.4), layout="constrained", facecolor="white")
         for each, axes in zip(panels, canvas.subplots(2, 2).flat, strict=True):
             _paint(axes, each, ink="black")
             axes.set_title(f"{each.title}\n{_said(each)}", fontsize=9.0)
+        nested = [
+            Patch(facecolor=("black", 0.3 * fill), edgecolor=("black", edge),
+                  label=f"tube of {name} confidence")
+            for name, (fill, edge) in zip(CONFIDENCES, _SHADES, strict=True)
+        ]  # fmt: skip
+        handles = [*(key.handle() for key in _LEGEND), *nested]
+        canvas.legend(
+            handles=handles, loc="outside lower center", ncols=3, handlelength=3.5, frameon=False
+        )
     return canvas
+
+
+def _shares(panels: Sequence[Panel]) -> str:
+    """The nested sets, in words."""
+    return ", ".join(
+        f"{name} confidence ({100.0 * share:.0f} % of the measured set's radii)"
+        for name, share in zip(CONFIDENCES, panels[0].shares, strict=True)
+    )
+
+
+_LEGEND: Final = (
+    Key("path", INK, "7 3"),
+    Key("car, and its way so far", INK),
+    *(
+        Key(f"where TRACK may take the car; {decided} was decided", colour, DASHES[dashes])
+        for decided, (colour, dashes) in (("TRACK", _TRACK), ("BRAKE", _BRAKE))
+    ),
+    Key("person as measured so far", BLUE, mark="o"),
+    Key("where the person truly went", BLUE, "2 3"),
+    Key("predicted for the person", SKY, filled=True),
+)  # fmt: skip
 
 
 def _said(panel: Panel) -> str:

@@ -73,30 +73,37 @@ def intent_figure(person: PersonPicture) -> Figure:
         )
         for paint, label in ((_paint_ways, "seen from above"), (_paint_odds, "over time"))
     )  # fmt: skip
-    legend = (
-        Key("measured", BLUE, mark="o"),
-        Key("measured later", BLUE, "2 3"),
-        Key("predicted, the bolder the likelier", SKY),
-        *(Key(f"goal {name}", colour, DASHES[dashes])
-          for name, (colour, dashes) in zip(person.goals, _STYLES, strict=True)),
-    )  # fmt: skip
     at_s = person.t_s[person.drawn]
     caption = (
         f"{person.title}: measured at 5 Hz with errors of {_NOISE_M:g} m. Left: the ways predicted "
         f"at {at_s:.1f} s, {_AFTER_S:g} s after the change of mind; right: the answers after each "
         "measurement."
     )
-    return Figure(panels, legend, caption, answers_table(person))
+    return Figure(panels, _legend(person), caption, answers_table(person))
+
+
+def _legend(person: PersonPicture) -> tuple[Key, ...]:
+    return (
+        Key("measured", BLUE, mark="o"),
+        Key("measured later", BLUE, "2 3"),
+        Key("predicted, the bolder the likelier", SKY),
+        *(Key(f"goal {name}", colour, DASHES[dashes])
+          for name, (colour, dashes) in zip(person.goals, _STYLES, strict=True)),
+    )  # fmt: skip
 
 
 def intent_picture() -> Canvas:
     """The same on one canvas, for a file."""
     person = intent_person()
     with matplotlib.rc_context({"font.size": 9.0, "text.parse_math": False}):
-        canvas = Canvas(figsize=(10.4, 4.3), layout="constrained", facecolor="white")
+        canvas = Canvas(figsize=(10.4, 4.8), layout="constrained", facecolor="white")
         left, right = canvas.subplots(1, 2)
         _paint_ways(left, person)
         _paint_odds(right, person)
+        handles = [key.handle() for key in _legend(person)]
+        canvas.legend(
+            handles=handles, loc="outside lower center", ncols=3, handlelength=3.5, frameon=False
+        )
     return canvas
 
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 import tempfile
 from pathlib import Path
 from typing import Final
 
 from workbench.codegen import MonitorSpec, build_bundle
+from workbench.codegen.bundle import LEVELS as NESTED
 from workbench.codegen.localiser import LocaliserSpec, localiser_files, write_localiser
 from workbench.errors import InputError
 from workbench.estimation.localisation_sets import LEVELS, EllipsoidHull
 from workbench.estimation.localisation_site import Site, load_site
 from workbench.models.vehicle import Vehicle, load_vehicle
 from workbench.runtime import Timing, load_bundle
+from workbench.runtime.contents import NestedLevel
 from workbench.runtime.localiser.folder import Built, load_localiser
 from workbench.runtime.localiser.numbers import Clocks
 from workbench.runtime.localiser.numbers import Vehicle as ReportedVehicle
@@ -86,27 +87,27 @@ def build_rig(
     vehicle: Vehicle | None = None,
     horizon_s: float = HORIZON_S,
     sensors: str | None = None,
+    levels: tuple[NestedLevel, ...] = NESTED,
     deciding_alone: bool = False,
 ) -> Rig:
     """Compile a bundle and put it on a rig; some seconds.
 
     folder: where the bundle stays, which must not exist; None for nowhere (it is loaded then, and
     its files are gone). vehicle, sensors: the shipped ones where None. `LookAhead` looks horizon_s
-    ahead. deciding_alone: without the nested sets that only inform; decisions are the same, and
-    quicker.
+    ahead. levels: nested sets, the first of which decides. deciding_alone: without those that only
+    inform; decisions are the same, and quicker.
     """
     if folder is None:
         with tempfile.TemporaryDirectory() as place:
             return build_rig(
                 Path(place) / "bundle", vehicle=vehicle, horizon_s=horizon_s, sensors=sensors,
-                deciding_alone=deciding_alone,
+                levels=levels, deciding_alone=deciding_alone,
             )  # fmt: skip
     chosen = load_vehicle(simulated_path()) if vehicle is None else vehicle
+    levels = levels[:1] if deciding_alone else levels
     spec = MonitorSpec(
-        chosen, horizon_s, STEP_S, path=straight_road(-20.0, 180.0), monitor=MONITOR,
+        chosen, horizon_s, STEP_S, levels=levels, deciding_level=levels[0].name,
+        path=straight_road(-20.0, 180.0), monitor=MONITOR,
         sensors=simulated_sensors() if sensors is None else sensors,
     )  # fmt: skip
-    if deciding_alone:
-        levels = tuple(each for each in spec.levels if each.name == spec.deciding_level)
-        spec = dataclasses.replace(spec, levels=levels)
     return Rig(load_bundle(build_bundle(spec, folder)), chosen)

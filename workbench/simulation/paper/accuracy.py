@@ -53,9 +53,9 @@ class RunTubes:
     """What W tubes from one nested set say of one run, at J instants after each decision.
 
     speed_mps (W,): of the car at the decision; kept (W,): instants at which TRACK had been in force
-    since; inside (W, J): contained, False where the proof had ended; begins (W,): whether the set
-    contained the car at the decision; area_m2 (W, K): of the rows in station and offset, NaN where
-    the proof had ended.
+    since; inside (W, J): contained, False where the proof had ended; reached (W, J): whether it had
+    not; begins (W,): whether the set contained the car at the decision; area_m2 (W, K): of the rows
+    in station and offset, NaN where the proof had ended.
     """
 
     run: str
@@ -64,6 +64,7 @@ class RunTubes:
     kept: NDArray[np.int_]
     begins: Bools
     inside: Bools
+    reached: Bools
     area_m2: Array
     step_s: float
 
@@ -76,6 +77,7 @@ def run_tubes(
     windows = run.kept(horizon_s=horizon_s)
     instants = int(horizon_s / TURN_S + 1e-9)
     inside = np.zeros((len(windows), instants), dtype=bool)
+    reached = np.zeros_like(inside)
     begins = np.zeros(len(windows), dtype=bool)
     areas: list[Array] = []
     step_s = 1.0
@@ -86,20 +88,20 @@ def run_tubes(
         begins[k] = _within(sides[0], sides[1], run.lower[asked.turn], run.upper[asked.turn]).all()
         seen = slice(asked.turn + 1, asked.turn + 1 + kept)
         inside[k, :kept] = contained(rows, run.lower[seen], run.upper[seen])
+        reached[k, :kept] = row_at(rows, kept) < len(rows.lower)
         areas.append(np.prod(rows.upper - rows.lower, axis=1))
         advance()
     turns = [asked.turn for asked, _ in windows]
     return RunTubes(
         run.name, run.plant, run.speed_mps[turns],
         np.array([kept for _, kept in windows], dtype=int), begins, inside,
-        _padded(areas, round(horizon_s / step_s)), step_s,
+        reached, _padded(areas, round(horizon_s / step_s)), step_s,
     )  # fmt: skip
 
 
 def contained(rows: PathRows, lower: Array, upper: Array) -> Bools:
     """(J,): whether the place [lower, upper] (J, 2) at TURN_S, 2 TURN_S, ... lies in its row."""
-    after_s = TURN_S * np.arange(1, len(lower) + 1)
-    at = np.floor(after_s / rows.step_s + 1e-9).astype(int)
+    at = row_at(rows, len(lower))
     proved = at < len(rows.lower)
     found = np.zeros(len(lower), dtype=bool)
     at = at[proved]
@@ -107,6 +109,13 @@ def contained(rows: PathRows, lower: Array, upper: Array) -> Bools:
         axis=1
     )
     return found
+
+
+def row_at(rows: PathRows, count: int) -> NDArray[np.int_]:
+    """(count,): number of the row of each instant after the decision, whether or not there is
+    one."""
+    after_s = TURN_S * np.arange(1, count + 1)
+    return np.asarray(np.floor(after_s / rows.step_s + 1e-9), dtype=int)
 
 
 def _within(lower: Array, upper: Array, low: Array, high: Array) -> Bools:
@@ -128,7 +137,9 @@ class Cell:
 
     steps: instants under TRACK; windows: whole trajectories, those of T under TRACK; each with an
     interval that counts a run as one trial (`Share`), and one by drawing runs anew (`..._drawn`);
-    None where there is no such window. censored: windows that BRAKE, or the run's end, cut short of
+    None where there is no such window. outside: instants at which the tube had not ended and did
+    not contain the car; the others that it did not contain are those it did not reach. censored:
+    windows that BRAKE, or the run's end, cut short of
     T, whose steps until then count and whose trajectories do not; proof_ended: windows with a proof
     that ends before T; begins: share of the sets that contained the car; mean_area_m2: over the
     rows of all windows, NaN without any; area_rows: share of all rows that it is the mean of, less
@@ -139,6 +150,7 @@ class Cell:
     runs: int
     steps: Share
     steps_drawn: Interval
+    outside: int
     windows: Share | None
     windows_drawn: Interval
     all_windows: int
@@ -164,6 +176,7 @@ def cell(runs: Sequence[RunTubes], *, horizon_s: float, starts: Starts) -> Cell 
         len(counts),
         clustered(int(inside.sum()), int(steps.sum()), recordings=len(counts)),
         drawn_again(inside, steps),
+        int(of["outside"].sum()),
         clustered(int(whole.sum()), int(complete.sum()), recordings=trials) if trials else None,
         drawn_again(whole, complete),
         int(of["windows"].sum()),
@@ -177,7 +190,7 @@ def cell(runs: Sequence[RunTubes], *, horizon_s: float, starts: Starts) -> Cell 
 
 _COUNTED: Final = (
     "inside", "steps", "whole", "complete", "windows", "proof_ended", "begins", "area", "rows",
-    "all_rows",
+    "all_rows", "outside",
 )  # fmt: skip
 
 
@@ -197,6 +210,7 @@ def _counts(run: RunTubes, horizon_s: float, starts: Starts) -> tuple[float, ...
         (inside & counts).sum(), counts.sum(), (inside.all(axis=1) & complete).sum(),
         complete.sum(), chosen.sum(), (~proved).any(axis=1).sum(), run.begins[chosen].sum(),
         area[proved].sum(), proved.sum(), proved.size,
+        (run.reached[chosen][:, :most] & ~inside & counts).sum(),
     )  # fmt: skip
     return tuple(map(float, numbers))
 

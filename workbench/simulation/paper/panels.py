@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Final, final
 
 from workbench.claims import Verdict
-from workbench.codegen.bundle import LEVELS
 from workbench.errors import InputError
 from workbench.models.vehicle_sections import Geometry
 from workbench.runtime import Deciding
@@ -37,7 +36,8 @@ class Panel:
 
     path, travelled: points (m) of the path and of the car's true way so far; body: the car;
     speed_mps; tubes: ground that the body may cover until horizon_s from each nested set, the
-    largest first; verdicts: of these sets; tracks: whether TRACK was decided; reason: why; seen:
+    largest first; verdicts: of these sets; tracks: whether TRACK was decided; reason: why; shares:
+    of the measured set's radii that the nested sets have; seen:
     by person, where they were measured until then, true_way: where they went in the whole run;
     predicted: discs of what they intend, to horizon_s; proved_s: by set, how far its tube reaches.
     """
@@ -54,6 +54,7 @@ class Panel:
     verdicts: tuple[Verdict, ...]
     tracks: bool
     reason: str
+    shares: tuple[float, ...]
     seen: tuple[tuple[Point, ...], ...]
     true_way: tuple[tuple[Point, ...], ...]
     predicted: tuple[Disc, ...]
@@ -108,7 +109,8 @@ def _panel(
     assert observation is not None, "only decisions are chosen"
     assert decision is not None, "only decisions are chosen"
     path = rig.scene(trial).setting.path
-    boxes = Measuring(path, [level.share for level in LEVELS], station_m=None).boxes(observation)
+    shares = [level.share for level in rig.bundle.manifest.levels]
+    boxes = Measuring(path, shares, station_m=None).boxes(observation)
     asked = Asked(at, boxes, observation.reference_speed_mps)
     rows = round(horizon_s / tubes.rows(path, asked, 0).step_s)
     step_s = horizon_s / rows
@@ -122,7 +124,7 @@ def _panel(
         tuple((each.motion.x_m, each.motion.y_m) for each in taken[: at + 1]),
         _body(motion, rig.vehicle.geometry),
         motion.speed_mps, ground, decision.level_verdicts.get("track", ()),
-        decision.action is Action.TRACK, decision.reason,
+        decision.action is Action.TRACK, decision.reason, tuple(shares),
         tuple(_seen(taken[: at + 1], name) for name in names),
         tuple(_true(taken, p.name) for p in now.people),
         tuple(disc for frame in frames for disc in frame.predicted),

@@ -13,6 +13,7 @@ import numpy as np
 from workbench.codegen.bundle import LEVELS, MonitorSpec, bundle_files
 from workbench.codegen.decision_source import PATH_NODES
 from workbench.models.bicycle import PathFrame
+from workbench.models.signals import Ranged
 from workbench.models.vehicle import Vehicle
 from workbench.reach.ranged_parameters import with_ranged_parameters_as_disturbances
 from workbench.runtime import Bundle, Timing
@@ -33,7 +34,8 @@ _TIMING: Final = Timing(period_s=0.12, latency_s=0.1, send_gap_s=0.055)
 _PLACE: Final = [STATES.index("station"), STATES.index("offset")]
 _INTEGRALS: Final = ("speed_integral", "offset_integral")
 _ROOM: Final = 10.0
-_CURVATURE: Final = "curvature"
+_CURVATURE, _CHANGE = "curvature", "reference_speed_change"
+_ENDS: Final = ("disturbance_lower", "disturbance_upper")
 
 
 @final
@@ -65,22 +67,27 @@ def loaded(files: Mapping[str, bytes]) -> Bundle:
     return bundle_of(files, Path("bundle"))
 
 
-def paper_bundle(vehicle: Vehicle, *, horizon_s: float) -> Bundle:
-    """The vehicle's kernel with room for the longest horizon; some seconds."""
-    return loaded(bundle_files(paper_spec(vehicle, horizon_s)))
+def paper_bundle(spec: MonitorSpec) -> Bundle:
+    """The kernel of a `paper_spec`; some seconds."""
+    return loaded(bundle_files(spec))
 
 
-def paper_spec(vehicle: Vehicle, horizon_s: float) -> MonitorSpec:
+def paper_spec(vehicle: Vehicle, horizon_s: float, *, ramps: bool = False) -> MonitorSpec:
     """Three nested sets, as on the vehicle, and more room for the controller's integrals: over the
-    paper's 5 s they reach farther than over the 3 s that the vehicle's own region is for."""
+    paper's 5 s they reach farther than over the 3 s that the vehicle's own region is for.
+
+    ramps: the reference speed may change at any time, by as much as it is wanted to be at most;
+    otherwise it holds for the whole tube, as in the vehicle's bundle."""
     region = vehicle.operation.region
     sides = {
         name: tuple(_ROOM * end if name in _INTEGRALS else end for end in region.interval(name))
         for name in region.names
     }
+    most_mps = vehicle.operation.reference_speed_mps if ramps else 0.0
     wider = dataclasses.replace(
         vehicle.operation,
         region=Box.from_intervals({name: (low, high) for name, (low, high) in sides.items()}),
+        reference_change_mps=(-most_mps, most_mps),
     )
     return MonitorSpec(
         dataclasses.replace(vehicle, operation=wider), horizon_s, STEP_S, levels=LEVELS,
@@ -93,8 +100,10 @@ class KernelTubes:
     """TRACK's tubes of a bundle's kernel over its whole horizon, along any path.
 
     vehicle: the one the bundle is built for; unsure: with N, W and parameter ranges of its file;
-    otherwise none of them acts, and the tube is that of the bicycle under its controller alone.
-    Rigor ENCLOSED along the path's curvature bounds.
+    otherwise none of them acts, and the tube is that of the bicycle under its controller alone. Of
+    a bundle that `ramps` the reference speed is anywhere, at any time, between that of the decision
+    and the one that is wanted; of others it holds. Rigor ENCLOSED along the path's curvature
+    bounds.
     """
 
     def __init__(self, bundle: Bundle, vehicle: Vehicle, *, unsure: bool, title: str) -> None:
@@ -103,8 +112,12 @@ class KernelTubes:
             **fixed_values(bundle.manifest.vehicle, 0.0, _TIMING), **crowd_values(()),
             "skew_s": (0.0, 0.0), "start_s": (0.0, 0.0),
         }  # fmt: skip
-        if not unsure:
-            self._fixed |= certain(bundle, vehicle)
+        self._disturbances = own_ranges(bundle) if unsure else certain(bundle, vehicle)
+        operation = vehicle.operation
+        self._wanted_mps = operation.reference_speed_mps
+        self._ramps_at = None
+        if any(operation.reference_change_mps):
+            self._ramps_at = [each.name for each in _own(vehicle)].index(_CHANGE)
         self._windows: tuple[PathTable, PathWindows] | None = None
 
     @property
@@ -121,10 +134,20 @@ class KernelTubes:
         manifest = self._bundle.manifest
         return {
             **self._fixed,
+            **self._ranges(asked.reference_speed_mps),
             **self._windows[1].around(box.interval("station")[0]),
             **initial_sets([box] * len(manifest.levels)),
             "parameters": parameter_values(manifest, asked.reference_speed_mps),
         }
+
+    def _ranges(self, reference_mps: float) -> Mapping[str, Sequence[float]]:
+        """Of all disturbances; the reference may be ramped to the speed that is wanted."""
+        found = {name: list(each) for name, each in self._disturbances.items()}
+        if self._ramps_at is not None:
+            change_mps = self._wanted_mps - reference_mps
+            for name, end in zip(_ENDS, sorted((0.0, change_mps)), strict=True):
+                found[name][self._ramps_at] = end
+        return found
 
     def rows(self, path: PathTable, asked: Asked, level: int) -> PathRows:
         """As far as the proof goes; nothing where the set has left what the kernel covers."""
@@ -143,19 +166,26 @@ class KernelTubes:
 
 def certain(bundle: Bundle, vehicle: Vehicle) -> Mapping[str, Sequence[float]]:
     """The fields of a query's disturbances with none of N, W and the parameters' ranges."""
-    most = vehicle.operation.curvature_per_m
-    ode = vehicle.uncertain_loop(vehicle.track(), PathFrame(-most, most)).ode
-    own = with_ranged_parameters_as_disturbances(ode).disturbances
-    found = {}
-    for end in ("lower", "upper"):
-        name = f"disturbance_{end}"
-        default = next(field.default for field in bundle.manifest.query if field.name == name)
-        assert default is not None, "the kernel's own disturbances have defaults"
+    own, found = _own(vehicle), {}
+    for name, default in own_ranges(bundle).items():
         values = [
             d.nominal if d.name != _CURVATURE else v for d, v in zip(own, default, strict=False)
         ]
         found[name] = (*values, *default[len(own) :])
     return found
+
+
+def own_ranges(bundle: Bundle) -> dict[str, Sequence[float]]:
+    """The same fields as the bundle was built with."""
+    found = {field.name: field.default for field in bundle.manifest.query if field.name in _ENDS}
+    return {name: default for name, default in found.items() if default is not None}
+
+
+def _own(vehicle: Vehicle) -> tuple[Ranged, ...]:
+    """The disturbances of TRACK, which come first among a kernel's."""
+    most = vehicle.operation.curvature_per_m
+    ode = vehicle.uncertain_loop(vehicle.track(), PathFrame(-most, most)).ode
+    return with_ranged_parameters_as_disturbances(ode).disturbances
 
 
 def nested(tubes: PathTubes, path: PathTable, asked: Asked) -> tuple[tuple[Rectangle, ...], ...]:
