@@ -23,7 +23,7 @@ from workbench.simulation.campaign.baselines import (
     time_to_collision,
     within_distance,
 )
-from workbench.simulation.campaign.contenders import Field
+from workbench.simulation.campaign.contenders import Field, judged_half
 from workbench.simulation.campaign.tallies import rate, tallies, upper_bound
 from workbench.simulation.campaign.tuning import tune
 from workbench.simulation.rig import path_table
@@ -153,7 +153,9 @@ def test_rates_are_sums_over_sums_with_intervals_around_them() -> None:
     found = rate([1, 0, 3, 0] * 50, [20.0, 30.0, 10.0, 20.0] * 50)
     assert found.per_km == pytest.approx(4 / 0.08)
     assert found.low < found.per_km < found.high
-    assert rate([2, 2], [1000.0, 1000.0]) == rate([2], [1000.0])
+    few = rate([2, 2], [1000.0, 1000.0])
+    assert few.per_km == 2.0
+    assert few.low != few.low
     assert rate([0], [0.0]).per_km != rate([0], [0.0]).per_km
 
 
@@ -166,6 +168,8 @@ def test_baselines_count_on_the_judged_half_alone_and_nothing_is_left_out() -> N
     rows = [row(k, "time to collision", contact=True, avoidable=True) for k in range(5)]
     rows += [row(k, invalid=10, safe=80) for k in range(5)]
     fail_safe, rule = tallies(rows)
-    assert (rule.runs, rule.avoidable) == (2, 2)
+    half = sum(map(judged_half, range(5)))
+    assert 0 < half < 5
+    assert (rule.runs, rule.avoidable, rule.judged, fail_safe.judged) == (half,) * 4
     assert (fail_safe.runs, fail_safe.avoidable, fail_safe.decisions) == (5, 0, 450)
     assert fail_safe.invalid == pytest.approx(10 / 90)

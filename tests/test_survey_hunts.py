@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import socket
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from workbench.simulation.campaign.hunting import COLLISIONS, Quarry, hunt, load
 from workbench.simulation.campaign.rows import Row
 from workbench.simulation.campaign.scripted_judges import Counted, plain_decision
 from workbench.simulation.campaign.store import Store
-from workbench.simulation.campaign.surveying import Survey, Task, missed_part
+from workbench.simulation.campaign.surveying import Survey, Task, missed_part, training_half
 from workbench.simulation.campaign.workers import InProcess
 
 WHO = ("FailSafe", "time to collision", "never brakes")
@@ -150,18 +151,39 @@ def test_tuned_on_fewer_and_driven_is_refused(store: Store) -> None:
     assert store.parameters()["single-track"]["time to collision"]["training"] == 10
 
 
+def test_parameters_that_were_lost_after_driving_are_not_tuned_again(store: Store) -> None:
+    pytest.importorskip("pyarrow")
+    survey = Survey(store, store.manifest(), Tuning())
+    survey.tune("bicycle", range(0, 8, 2), lambda _: None)
+    store.write("bicycle", range(1), [row(0)])
+    (store.folder / "baselines.json").unlink()
+    with pytest.raises(InputError, match=r"time to collision of bicycle drove with"):
+        survey.tune("bicycle", range(0, 8, 2), lambda _: None)
+
+
+def test_a_listener_that_is_no_scheduler_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("workbench.simulation.campaign.workers._ANSWERS_S", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        address = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+        assert main(["survey", "--out", str(tmp_path / "o"), "--scheduler", address]) == 2
+    assert "expected the address of a Dask scheduler that answers" in capsys.readouterr().err
+
+
 def test_baselines_that_nobody_judges_yet_are_named(
     store: Store, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("pyarrow")
     words = ["survey", "--out", str(store.folder), "--table"]
-    store.write("bicycle", range(1), [row(0, name) for name in WHO])
+    other = training_half(1, 1)[0]
+    store.write("bicycle", range(other, other + 1), [row(other, name) for name in WHO])
     assert main(words) == 0
     said = capsys.readouterr().out
-    assert "time to collision are judged on scenarios of odd index" in said
-    assert "--scenarios 2" in said
+    assert "time to collision are judged on the half of the scenarios" in said
     assert "| bicycle | time to collision |" not in said
-    store.write("bicycle", range(1, 2), [row(1, name) for name in WHO])
+    store.write("bicycle", range(1), [row(0, name) for name in WHO])
     assert main(words) == 0
     said = capsys.readouterr().out
     assert "are judged on" not in said

@@ -11,17 +11,20 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.stats import ks_2samp
 
 from tests.survey_cases import rig, row
 from workbench.cli.main import main
 from workbench.errors import InputError
-from workbench.simulation.campaign.contenders import CONTENDERS, Field
+from workbench.simulation.campaign.contenders import CONTENDERS, Field, judged_half
 from workbench.simulation.campaign.hunting import load_catches
 from workbench.simulation.campaign.parts import PART
 from workbench.simulation.campaign.rows import drive_all, trial_of
 from workbench.simulation.campaign.sampled import sampled
 from workbench.simulation.campaign.store import Store
+from workbench.simulation.campaign.surveying import training_half
 from workbench.simulation.campaign.workers import workers
 
 pytest.importorskip("pyarrow")
@@ -73,9 +76,78 @@ def test_baselines_drive_what_they_are_judged_on_and_long_looks_the_first_ones(
 ) -> None:
     manifest = Store(tmp_path).begin(seed=1, contenders=CONTENDERS, long_looks=2)
     baselines = {"fixed distance", "time to collision", "constant-velocity disc"}
-    assert set(manifest.drives(1)) == set(CONTENDERS)
-    assert set(manifest.drives(0)) == set(CONTENDERS) - baselines
-    assert set(manifest.drives(4)) == set(CONTENDERS) - baselines - {"LookAhead 5 s"}
+    judged, other = (
+        next(k for k in range(2, 99) if judged_half(k) is each) for each in (True, False)
+    )
+    assert set(manifest.drives(0)) == set(CONTENDERS)
+    assert set(manifest.drives(judged)) == set(CONTENDERS) - {"LookAhead 5 s"}
+    assert set(manifest.drives(other)) == set(CONTENDERS) - baselines - {"LookAhead 5 s"}
+
+
+def test_both_halves_have_the_same_scenarios() -> None:
+    """In every coordinate of the cube; odd and even indices are of disjoint ranges in one."""
+    points = np.array([each.point for each in sampled(range(4096), 1)])
+    half = np.array([judged_half(k) for k in range(4096)])
+    assert abs(half.mean() - 0.5) < 0.03
+    worst = max(
+        ks_2samp(column[half], column[~half], method="asymp").statistic for column in points.T
+    )
+    assert worst < 0.06
+    assert (
+        max(ks_2samp(column[::2], column[1::2], method="asymp").statistic for column in points.T)
+        > 0.9
+    )
+
+
+def test_tuning_takes_one_scenario_at_least_and_none_that_is_judged() -> None:
+    assert len(training_half(1, 5)) == 1
+    assert len(training_half(1000, 7)) == 7
+    assert not any(map(judged_half, training_half(1000, 999)))
+
+
+def test_what_two_surveys_drove_at_once_counts_once(store: Store) -> None:
+    store.write("bicycle", range(1), [row(0)])
+    store.write("bicycle", range(2), [row(0), row(1)])
+    assert store.rows() == [row(0), row(1)]
+
+
+def test_a_damaged_part_is_named_and_can_be_deleted(store: Store) -> None:
+    store.write("bicycle", range(2), [row(0), row(1)])
+    (part,) = (store.folder / "parts" / "bicycle").iterdir()
+    part.write_bytes(part.read_bytes()[:50])
+    with pytest.raises(InputError, match=r"0000000-0000001\.parquet.*delete it"):
+        store.rows()
+    part.unlink()
+    assert store.missing("bicycle", 2) == [range(2)]
+
+
+def test_what_is_driven_may_not_be_changed(store: Store) -> None:
+    settings = {"seed": 1, "contenders": WHO, "long_looks": 10}
+    file = store.folder / "vehicle.toml"
+    file.write_text(file.read_text().replace("0.8825", "0.3"))
+    with pytest.raises(InputError, match=r"vehicle\.toml and sensors\.toml as the survey wrote"):
+        store.begin(**settings)  # type: ignore[arg-type]
+
+
+def test_a_start_that_broke_off_before_its_manifest_can_begin_again(store: Store) -> None:
+    (store.folder / "manifest.json").unlink()
+    assert store.begin(seed=3, contenders=WHO, long_looks=10) == store.manifest()
+
+
+def test_a_vehicle_that_is_none_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "none.toml").write_text("[vehicle]\n")
+    with pytest.raises(InputError, match=r"none\.toml"):
+        Store(tmp_path / "out").begin(
+            seed=1, contenders=WHO, long_looks=1, vehicle=tmp_path / "none.toml"
+        )
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"bicycle": {"time to collision": {"x": 1}}}'])
+def test_damaged_parameters_are_said(store: Store, text: str) -> None:
+    (store.folder / "baselines.json").write_text(text)
+    with pytest.raises(InputError, match=r"baselines\.json: expected what baselines were tuned"):
+        store.parameters()
 
 
 def test_a_survey_drives_as_the_bundle_with_all_its_sets(surveyed: Path) -> None:
@@ -201,9 +273,35 @@ def test_an_index_can_be_driven_again(surveyed: Path, capsys: pytest.CaptureFixt
     ]
 
 
+def test_a_hunt_goes_on_after_a_kill_tore_its_last_line(surveyed: Path, tmp_path: Path) -> None:
+    pytest.importorskip("optuna")
+    folder = begun_as(surveyed, tmp_path / "torn")
+    words = ["survey", "--out", str(folder), "--hunt", "collisions", "--contenders", WHO[1]]
+    assert main([*words, "--trials", "2"]) == 0
+    journal = next((folder / "hunts").glob("*/journal.log"))
+    journal.write_bytes(journal.read_bytes() + b'{"op_code": 4, "work')
+    assert main([*words, "--trials", "3"]) == 0
+
+
+def test_a_hunt_takes_whom_the_folder_knows(
+    surveyed: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["survey", "--out", str(surveyed), "--hunt", "collisions", "--trials", "1"]
+    assert main([*words, "--contenders", "LookAhead 5 s"]) == 2
+    assert "FailSafe, never brakes, got 'LookAhead 5 s'" in capsys.readouterr().err
+
+
+def test_an_index_that_the_sequence_does_not_have_is_refused(
+    surveyed: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["survey", "--out", str(surveyed), "--index", str(2**30)]) == 2
+    assert "--index: expected 0 to" in capsys.readouterr().err
+
+
 def test_a_file_that_is_no_catch_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "x.json").write_text("[{}]")
-    for name in ("x.json", "none.json"):
+    for name, text in (("x.json", "[{}]"), ("y.json", "[]"), ("z.json", "{}")):
+        (tmp_path / name).write_text(text)
+    for name in ("x.json", "y.json", "z.json", "none.json"):
         with pytest.raises(InputError, match=r"expected the best\.json of a hunt"):
             load_catches(tmp_path / name)
 
@@ -223,6 +321,9 @@ def test_wrong_use_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[st
         (["--contenders", "luck"], "--contenders: expected some of"),
         (["--table"], "manifest.json"),
         (["--index", "1"], "manifest.json"),
+        (["--index", "1", "--table"], "expected one of --point, --index, --hunt, --table"),
+        (["--index", "1", "--plot"], "--plot: expected without --index"),
+        (["--seed", str(2**40)], "--seed: expected at most"),
     ):
         assert main([*out, *words]) == 2
         assert said in capsys.readouterr().err

@@ -27,6 +27,7 @@ workbench survey --point out/survey/hunts/collisions-FailSafe-bicycle-1/best.jso
 
 _PLANTS: Final = ("bicycle", "single-track", "multi-body")
 _LONG_LOOKS: Final = 2000
+_LARGEST_SEED: Final = 2**31 - 1
 _HUNTS: Final = ("collisions", "needless-stops")
 GUARANTEED: Final = ("FailSafe", "both")
 """Whose avoidable contacts refute what is claimed."""
@@ -53,7 +54,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="most scenarios of the training half to tune baselines on (default: 256)",
     )  # fmt: skip
     parser.add_argument(
-        "--long-looks", type=count, metavar="N",
+        "--long-looks", type=seed, metavar="N",
         help="most scenarios that `LookAhead 5 s` drives, whose tubes take long "
         f"(default: {_LONG_LOOKS})",
     )  # fmt: skip
@@ -96,6 +97,7 @@ def run(args: argparse.Namespace) -> int:
     from workbench.cli.survey_results import summed_up
     from workbench.simulation.campaign.store import Store
 
+    _require_one(args)
     store = Store(args.out)
     if args.point is not None or args.index is not None:
         return drive_again(args, store)
@@ -104,6 +106,23 @@ def run(args: argparse.Namespace) -> int:
     if not args.table:
         _survey(args, store)
     return summed_up(args, store, guaranteed=GUARANTEED)
+
+
+def _require_one(args: argparse.Namespace) -> None:
+    """Raise InputError for options that exclude each other."""
+    from workbench.errors import InputError
+
+    ways = {
+        "--point": args.point is not None, "--index": args.index is not None,
+        "--hunt": args.hunt is not None, "--table": args.table,
+    }  # fmt: skip
+    asked = [name for name, is_asked in ways.items() if is_asked]
+    if len(asked) > 1:
+        raise InputError(f"expected one of {', '.join(ways)}, got {' and '.join(asked)}")
+    if args.seed > _LARGEST_SEED:
+        raise InputError(f"--seed: expected at most {_LARGEST_SEED}, got {args.seed}")
+    if args.plot and asked and asked != ["--table"]:
+        raise InputError(f"--plot: expected without {asked[0]}, which writes no page; leave it out")
 
 
 def _survey(args: argparse.Namespace, store: Store) -> None:
@@ -140,8 +159,11 @@ def _plant(args: argparse.Namespace, survey: tuple[Store, Manifest, Workers], pl
 
     store, manifest, crew = survey
     under_way = Survey(store, manifest, crew)
-    with Progress(f"{plant}, baselines", 3) as progress:
-        under_way.tune(plant, training_half(args.scenarios, args.training), progress.advance)
+    training = training_half(args.scenarios, args.training)
+    wanted = under_way.untuned(plant, len(training))
+    if wanted:
+        with Progress(f"{plant}, baselines", len(wanted)) as progress:
+            under_way.tune(plant, training, progress.advance)
     left = sum(map(len, store.missing(plant, args.scenarios)))
     if left:
         with Progress(plant, left) as progress:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from workbench.cli.analysis_options import text_table
@@ -29,10 +30,13 @@ def hunted(args: argparse.Namespace, store: Store) -> int:
     from workbench.simulation.campaign.hunting import Quarry, hunt
     from workbench.simulation.campaign.workers import workers
 
-    names = [each for each in chosen_contenders(args) if args.contenders or proves(each)]
     lines, data, failed = [], [], False
     with workers(args.jobs, args.scheduler) as crew:
-        begun(args, store)
+        known = begun(args, store).contenders
+        names = [each for each in known if proves(each)]
+        if args.contenders:
+            names = list(chosen_contenders(args))
+            _require_known(names, known, store)
         for plant in args.plants:
             for name in names:
                 quarry = Quarry(args.hunt, name, plant, args.seed)
@@ -53,6 +57,15 @@ def hunted(args: argparse.Namespace, store: Store) -> int:
     return CLAIM_FAILS if failed else DONE
 
 
+def _require_known(names: Sequence[str], known: Sequence[str], store: Store) -> None:
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise InputError(
+            f"--contenders: expected some that {store.folder} was begun with, {', '.join(known)}, "
+            f"got {unknown[0]!r}; name another folder with --out"
+        )
+
+
 def drive_again(args: argparse.Namespace, store: Store) -> int:
     """Drive a caught or a sampled scenario with everybody; 1 as `hunted`."""
     from workbench.cli.main import CLAIM_FAILS, DONE
@@ -71,14 +84,14 @@ def drive_again(args: argparse.Namespace, store: Store) -> int:
 def _chosen(args: argparse.Namespace, store: Store) -> list[tuple[str, int, SampledScenario]]:
     """Plant, index (0 for what a hunt found) and scenario."""
     from workbench.simulation.campaign.hunting import load_catches
-    from workbench.simulation.campaign.sampled import sampled
+    from workbench.simulation.campaign.sampled import MOST_POINTS, sampled
 
     seed = store.manifest().seed
     if args.point is not None:
         catch = load_catches(args.point)[0]
         return [(catch.quarry.plant, 0, catch.scenario)]
-    if args.index < 0:
-        raise InputError(f"--index: expected 0 or more, got {args.index}")
+    if not 0 <= args.index < MOST_POINTS:
+        raise InputError(f"--index: expected 0 to {MOST_POINTS - 1}, got {args.index}")
     (scenario,) = sampled(range(args.index, args.index + 1), seed)
     return [(plant, args.index, scenario) for plant in args.plants]
 

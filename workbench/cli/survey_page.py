@@ -23,9 +23,11 @@ _NOTES: Final = (
     "avoiding.",
     "Needless: a stop in a scenario that a car which never brakes goes through with at least 0.5 m "
     "to everybody. People who want to be hit make many stops needful that others would not.",
-    "Baselines were tuned on scenarios with even indices, by bisection to the least parameter that "
-    "misses nothing there, and count on those with odd ones alone. Needless stops are counted on "
-    "odd indices for everybody.",
+    "Baselines were tuned on one half of the scenarios, chosen by a hash of the index, by "
+    "bisection to the least parameter that misses nothing there, and count on the other half "
+    "alone. Needless stops are counted on that half for everybody.",
+    "Bounds and intervals are those of scenarios that are drawn independently. Points of a Sobol "
+    "sequence are spread more evenly: of most events less is left to chance, of some more.",
     "At the desk there are no frames, no dead reckoning and no checks for faults: drop-outs of the "
     "localisation, above all, do less harm than on the bus.",
 )

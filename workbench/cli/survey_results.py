@@ -70,6 +70,8 @@ def shown(rate: Rate) -> str:
     """With its interval."""
     if math.isnan(rate.per_km):
         return "none to count"
+    if math.isnan(rate.low):
+        return f"{rate.per_km:.1f} (too few for an interval)"
     return f"{rate.per_km:.1f} [{rate.low:.1f}, {rate.high:.1f}]"
 
 
@@ -83,8 +85,8 @@ def unjudged_lines(contenders: tuple[str, ...], found: list[Tally]) -> list[str]
         left = [name for name in contenders if is_baseline(name) and name not in counted]
         if left:
             lines.append(
-                f"{plant}: {', '.join(left)} are judged on scenarios of odd index, of which none "
-                "was driven; survey at least 2, --scenarios 2"
+                f"{plant}: {', '.join(left)} are judged on the half of the scenarios that they are "
+                "not tuned on, of which none was driven; survey more, such as --scenarios 8"
             )
     return lines
 
@@ -96,9 +98,7 @@ def tuned_lines(store: Store) -> list[str]:
     lines = []
     for plant, tuned in sorted(store.parameters().items()):
         for name, each in tuned.items():
-            rest = (
-                "misses none of" if not each["missed"] else f"cannot but miss {each['missed']} of"
-            )
+            rest = "misses none of" if not each["missed"] else f"misses {each['missed']} of"
             lines.append(
                 f"{plant}, {name}: {each['parameter']:.3g} {baseline(name).unit}, {rest} "
                 f"{each['training']} scenarios it was tuned on"
@@ -110,7 +110,8 @@ def _ending(found: list[Tally]) -> list[str]:
     runs = sum(each.runs for each in found)
     return [
         f"{runs} runs; avoidable: braking at an earlier period avoids the contact; needless: a car "
-        "that never brakes keeps 0.5 m from everybody",
+        "that never brakes keeps 0.5 m from everybody, counted on the "
+        f"{max(each.judged for each in found)} scenarios that baselines are judged on",
     ]
 
 

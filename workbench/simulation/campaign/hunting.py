@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import logging
+import math
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +20,7 @@ from workbench.simulation.campaign.sampled import DIMENSIONS, FAMILY, SampledSce
 from workbench.simulation.campaign.store import Store
 from workbench.simulation.campaign.surveying import rigs_of
 from workbench.simulation.campaign.workers import Workers
+from workbench.simulation.plants.make import PLANTS
 
 COLLISIONS: Final = "collisions"
 NEEDLESS: Final = "needless-stops"
@@ -103,7 +106,10 @@ def hunt(
             study.tell(of[task.scenario.point], quarry.worth(row))
             advance(1)
     found = _caught(study, quarry)
-    text = json.dumps([dataclasses.asdict(each) for each in found[:_KEPT]], indent=1)
+    kept = [dataclasses.asdict(each) for each in found[:_KEPT]]
+    for each in kept:
+        each["row"] = {k: None if v == math.inf else v for k, v in each["row"].items()}
+    text = json.dumps(kept, indent=1, allow_nan=False)
     write_whole(store.folder / "hunts" / quarry.name / "best.json", text + "\n")
     return found
 
@@ -112,6 +118,8 @@ def load_catches(path: Path) -> list[Catch]:
     """What a hunt has written; raises InputError for anything else, and for another family."""
     try:
         found = [_catch(each) for each in json.loads(path.read_text(encoding="utf-8"))]
+        if not found or any(each.quarry.plant not in PLANTS for each in found):
+            raise ValueError("no point on a plant that there is")
     except (OSError, ValueError, TypeError, KeyError) as fault:
         raise InputError(
             f"--point: expected the best.json of a hunt, got {path} ({fault}); "
@@ -133,9 +141,13 @@ def _tried(task: _Try) -> Row:
 
 def _catch(data: dict[str, Any]) -> Catch:
     scenario = data["scenario"]
+    row: dict[str, Any] = data["row"]
+    # JSON has no infinity.
+    row |= {name: math.inf for name, value in row.items() if value is None}
     return Catch(
         Quarry(**data["quarry"]), data["family"], data["worth"],
-        SampledScenario(tuple(scenario["point"]), scenario["seed"]), Row(**data["row"]),
+        SampledScenario(tuple(scenario["point"]), scenario["seed"]),
+        Row(**row),
     )  # fmt: skip
 
 
@@ -150,12 +162,21 @@ def _study(store: Store, quarry: Quarry) -> Any:
     optuna.logging.set_verbosity(logging.WARNING)
     place = store.folder / "hunts" / quarry.name
     place.mkdir(parents=True, exist_ok=True)
+    _cut_torn(place / "journal.log")
     storage = optuna.storages.JournalStorage(JournalFileBackend(str(place / "journal.log")))
     study = optuna.create_study(storage=storage, study_name=quarry.name, load_if_exists=True)
     study.sampler = optuna.samplers.TPESampler(
         n_startup_trials=_STARTUP, seed=quarry.seed + len(study.trials), constant_liar=True
     )
     return study
+
+
+def _cut_torn(journal: Path) -> None:
+    """Drop a last line that a kill has torn: no later start could read it."""
+    text = journal.read_bytes() if journal.exists() else b""
+    whole = text.rfind(b"\n") + 1
+    if whole < len(text):
+        os.truncate(journal, whole)
 
 
 def _told(study: Any) -> int:

@@ -62,11 +62,16 @@ class Parts:
         """All that is there, in the order of the indices."""
         import pyarrow.parquet
 
-        return [
-            row
-            for path in self.files()
-            for row in pyarrow.parquet.ParquetFile(path).read().to_pylist()
-        ]
+        found: list[dict[str, Any]] = []
+        for path in self.files():
+            try:
+                found += pyarrow.parquet.ParquetFile(path).read().to_pylist()
+            except (OSError, pyarrow.ArrowException) as fault:
+                raise InputError(
+                    f"{path}: expected results as a Parquet file, got {fault}; delete it, and the "
+                    "same command makes it again"
+                ) from fault
+        return found
 
 
 def _named(path: Path) -> tuple[int, int]:

@@ -20,8 +20,9 @@ from workbench.simulation.scenarios.scenario import Dropout, Ghost, Occluder, Sc
 from workbench.simulation.walkers.moving import Who, body_radius_m
 from workbench.simulation.walkers.scripted import Leg, Script
 
-FAMILY: Final = 1
-"""Of the mapping below; a change of it is another family, and results must not be mixed."""
+FAMILY: Final = 2
+"""Of the mapping below, and of who drives which point; a change of it is another family, and
+results must not be mixed."""
 DURATION_S: Final = 18.0
 PASSED_M: Final = 26.0
 MOST_PEOPLE: Final = 3
@@ -37,6 +38,8 @@ _AXES: Final = (
     "ghost's side", "position error", "heading error", "speed error", "person error",
     "person's speed error",
 )  # fmt: skip
+MOST_POINTS: Final = 2**30
+"""Of the sequence."""
 DIMENSIONS: Final = len(_AXES) + MOST_PEOPLE * len(PERSON_AXES)
 
 

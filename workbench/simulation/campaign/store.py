@@ -13,7 +13,7 @@ import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, final
+from typing import Any, Final, final
 
 from workbench import __version__
 from workbench.errors import InputError
@@ -21,10 +21,21 @@ from workbench.models.vehicle import Vehicle, load_vehicle
 from workbench.runtime import load_bundle
 from workbench.simulation.campaign.contenders import LONG, horizons_s, judged
 from workbench.simulation.campaign.parts import Parts, require_same, write_whole
-from workbench.simulation.campaign.rows import Row
+from workbench.simulation.campaign.rows import PER_RUN, Row
 from workbench.simulation.campaign.sampled import DIMENSIONS, FAMILY
+from workbench.simulation.campaign.tuning import Tuned
 from workbench.simulation.rig import Rig
 from workbench.simulation.simulated import build_rig, simulated_path, simulated_sensors
+
+_OURS: Final = ("vehicle.toml", "sensors.toml")
+
+
+def _digest(vehicle: str, sensors: str) -> str:
+    return hashlib.sha256(f"{vehicle}\0{sensors}".encode()).hexdigest()
+
+
+def _read(path: Path) -> str:
+    return path.read_text(encoding="utf-8") if path.exists() else ""
 
 
 @final
@@ -67,22 +78,33 @@ class Store:
     ) -> Manifest:
         """Make it, or go on with one of the same manifest; vehicle: a file, None for the shipped
         one. Raises InputError where something else was surveyed here."""
-        text = (simulated_path() if vehicle is None else vehicle).read_text(encoding="utf-8")
-        sensors = simulated_sensors()
-        digest = hashlib.sha256(f"{text}\0{sensors}".encode()).hexdigest()
+        file = simulated_path() if vehicle is None else vehicle
+        load_vehicle(file)  # Refuses what cannot be one before anything is written.
+        text, sensors = file.read_text(encoding="utf-8"), simulated_sensors()
+        digest = _digest(text, sensors)
         wanted = Manifest(__version__, FAMILY, DIMENSIONS, seed, contenders, long_looks, digest)
         if self._manifest.exists():
             require_same(self.folder, wanted, self.manifest())
+            self._require_untouched(digest)
             return wanted
-        if self.folder.exists() and any(self.folder.iterdir()):
+        if self.folder.exists() and {each.name for each in self.folder.iterdir()} - {*_OURS}:
             raise InputError(
                 f"{self.folder}: expected a survey's folder or an empty one, got other files; "
                 "name another with --out"
             )
-        write_whole(self.folder / "vehicle.toml", text)
-        write_whole(self.folder / "sensors.toml", sensors)
+        for name, content in zip(_OURS, (text, sensors), strict=True):
+            write_whole(self.folder / name, content)
         write_whole(self._manifest, json.dumps(dataclasses.asdict(wanted), indent=2) + "\n")
         return wanted
+
+    def _require_untouched(self, digest: str) -> None:
+        """Raise InputError where vehicle or sensors are not what the folder was begun with."""
+        stored = (_read(self.folder / name) for name in _OURS)
+        if _digest(*stored) != digest:
+            raise InputError(
+                f"{self.folder}: expected {' and '.join(_OURS)} as the survey wrote them, and they "
+                "were changed; put them back, or name another folder with --out"
+            )
 
     def manifest(self) -> Manifest:
         """Of what is there; raises InputError for a folder that is not a survey's."""
@@ -122,12 +144,21 @@ class Store:
         return {each: Rig(load_bundle(self._bundle(each)), vehicle) for each in horizons}
 
     def parameters(self) -> dict[str, dict[str, Any]]:
-        """What was tuned, by plant; {} before."""
+        """What was tuned, by plant; {} before. Raises InputError for a damaged file."""
         path = self.folder / "baselines.json"
         if not path.exists():
             return {}
-        found: dict[str, dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
-        return found
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            return {
+                plant: {name: dataclasses.asdict(Tuned(**each)) for name, each in tuned.items()}
+                for plant, tuned in found.items()
+            }
+        except (OSError, ValueError, TypeError, AttributeError) as fault:
+            raise InputError(
+                f"{path}: expected what baselines were tuned to, got {fault}; put the file back, "
+                "or name another folder with --out"
+            ) from fault
 
     def keep_parameters(self, tuned: Mapping[str, object]) -> None:
         """Write what was tuned, by plant."""
@@ -146,9 +177,12 @@ class Store:
         self._parts(plant).write(indices, [dataclasses.asdict(row) for row in rows])
 
     def rows(self) -> list[Row]:
-        """All that is there, by plant, index and contender."""
+        """All that is there, by plant, index and contender; each once, where two surveys at the
+        same time drove it twice."""
         places = sorted((self.folder / "parts").glob("*"))
-        return [Row(**row) for place in places for row in self._parts(place.name).rows()]
+        found = [row for place in places for row in self._parts(place.name).rows()]
+        once = {tuple(row[name] for name in PER_RUN): row for row in found}
+        return [Row(**row) for row in once.values()]
 
     @property
     def _manifest(self) -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any, Final, final
 
 from workbench.errors import InputError
 from workbench.simulation.campaign.baselines import baseline
-from workbench.simulation.campaign.contenders import NEVER, Field, is_baseline
+from workbench.simulation.campaign.contenders import NEVER, Field, is_baseline, judged_half
 from workbench.simulation.campaign.rows import Row, drive_all, missed, trial_of
 from workbench.simulation.campaign.sampled import SampledScenario, sampled
 from workbench.simulation.campaign.store import Manifest, Store
@@ -82,6 +83,14 @@ class Survey:
             self.store.write(plant, indices, rows)
             advance(len(indices))
 
+    def untuned(self, plant: str, training: int) -> tuple[str, ...]:
+        """Baselines without a parameter for a plant, or with one tuned on fewer scenarios."""
+        known = self.store.parameters().get(plant, {})
+        return tuple(
+            each for each in self.manifest.contenders
+            if is_baseline(each) and known.get(each, {}).get("training", 0) < training
+        )  # fmt: skip
+
     def tune(self, plant: str, training: Sequence[int], advance: Advance) -> None:
         """Find the parameters of the baselines for a plant, and store them: of those that have
         none, and of those that were tuned on fewer scenarios.
@@ -90,13 +99,10 @@ class Survey:
         where a baseline was tuned on fewer and has driven."""
         tuned = self.store.parameters()
         known = tuned.get(plant, {})
-        wanted = [
-            each for each in self.manifest.contenders
-            if is_baseline(each) and known.get(each, {}).get("training", 0) < len(training)
-        ]  # fmt: skip
+        wanted = self.untuned(plant, len(training))
         if not wanted:
             return
-        self._require_not_driven(plant, [known[each] for each in wanted if each in known], training)
+        self._require_not_driven(plant, {each: known.get(each) for each in wanted}, training)
         hard = self._missed(plant, NEVER, 0.0, training)
         for name in wanted:
             misses = functools.partial(self._missed, plant, name)
@@ -106,11 +112,18 @@ class Survey:
             advance(1)
 
     def _require_not_driven(
-        self, plant: str, known: Sequence[Mapping[str, Any]], training: Sequence[int]
+        self, plant: str, known: Mapping[str, Mapping[str, Any] | None], training: Sequence[int]
     ) -> None:
-        if not known or not self.store.driven(plant):
+        if not self.store.driven(plant):
             return
-        least = min(each["training"] for each in known)
+        lost = [name for name, each in known.items() if each is None]
+        if lost:
+            raise InputError(
+                f"{self.store.folder}: expected the parameters that {', '.join(lost)} of {plant} "
+                "drove with, found none in baselines.json; put the file back, or name another "
+                "folder with --out"
+            )
+        least = min(each["training"] for each in known.values() if each is not None)
         raise InputError(
             f"{self.store.folder}: expected baselines of {plant} tuned on {len(training)} "
             f"scenarios, found ones tuned on {least} that have driven; keep them with --training "
@@ -138,8 +151,11 @@ def driven_again(store: Store, plant: str, index: int, scenario: SampledScenario
 
 
 def training_half(count: int, most: int) -> list[int]:
-    """Indices the baselines are tuned on: even ones below count, the first `most` of them."""
-    return list(range(0, count, 2))[:most]
+    """Indices the baselines are tuned on: below count, of the half that they are not judged on,
+    the first `most` of them; at least one."""
+    half = (k for k in itertools.count() if not judged_half(k))
+    first = next(half)
+    return [first, *itertools.takewhile(lambda k: k < count, half)][:most]
 
 
 def _scenarios(task: Task) -> list[tuple[int, SampledScenario]]:

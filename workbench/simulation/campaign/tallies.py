@@ -15,12 +15,14 @@ from workbench.simulation.campaign.rows import Row
 
 _RESAMPLES: Final = 2000
 _BLOCK: Final = 50
+_FEWEST: Final = 20
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """Something per km, with a 95 % bootstrap interval that draws scenarios; NaN without a way."""
+    """Something per km, with a 95 % bootstrap interval that draws scenarios; NaN without a way, the
+    interval alone with fewer than 20 scenarios."""
 
     per_km: float
     low: float
@@ -34,8 +36,9 @@ class Tally:
 
     runs, contacts, avoidable: of all its scenarios, of a baseline those of the judged half;
     avoidable_most: 95 % upper bound on the share of scenarios with an avoidable contact (Clopper
-    and Pearson, one-sided); hardest_mps: fastest contact. needless, stops: per km, of the judged
-    half for everybody. standing: share of the time at standstill, before it set off as well;
+    and Pearson, one-sided; of draws that are independent, which points of a Sobol sequence are
+    not); hardest_mps: fastest contact. needless, stops: per km, of the judged half for everybody;
+    judged: scenarios of it. standing: share of the time at standstill, before it set off as well;
     mean_mps; set_off, passed: shares of runs. invalid, out_of_region, unproved: shares of all
     decisions; violations, alerts: counts.
     """
@@ -49,6 +52,7 @@ class Tally:
     hardest_mps: float
     needless: Rate
     stops: Rate
+    judged: int
     km: float
     standing: float
     mean_mps: float
@@ -96,7 +100,7 @@ def _tally(plant: str, contender: str, rows: Sequence[Row]) -> Tally:
         plant, contender, runs, len(contacts), avoidable, upper_bound(avoidable, runs),
         max((row.contact_mps for row in contacts), default=0.0),
         rate([row.needless_stops for row in judged], ways),
-        rate([row.stops for row in judged], ways), km,
+        rate([row.stops for row in judged], ways), len(judged), km,
         sum(row.waited_s + row.stood_s for row in rows) / time_s, 1000.0 * km / time_s,
         sum(row.set_off for row in rows) / runs, sum(row.passed for row in rows) / runs,
         decisions,
@@ -117,9 +121,12 @@ def rate(counts: Sequence[int], ways_m: Sequence[float]) -> Rate:
     values, km = np.asarray(counts, float), np.asarray(ways_m, float) / 1000.0
     if not len(km) or km.sum() <= 1e-4:
         return Rate(math.nan, math.nan, math.nan)
+    per_km = float(values.sum() / km.sum())
+    if len(km) < _FEWEST:
+        return Rate(per_km, math.nan, math.nan)
     chance, found = np.random.default_rng(1), []
     for _ in range(_RESAMPLES // _BLOCK):
         drawn = chance.integers(0, len(km), (_BLOCK, len(km)))
         found.append(values[drawn].sum(axis=1) / np.maximum(km[drawn].sum(axis=1), 1e-6))
     low, high = np.quantile(np.concatenate(found), (0.025, 0.975))
-    return Rate(float(values.sum() / km.sum()), float(low), float(high))
+    return Rate(per_km, float(low), float(high))

@@ -21,7 +21,7 @@ class Tuned:
     """A parameter and what it was tuned on.
 
     missed: avoidable contacts that are left on the training half; training: its size. Where missed
-    is above 0, the largest parameter leaves as many: the rule cannot reach zero.
+    is above 0, the largest parameter leaves no fewer.
     """
 
     parameter: float

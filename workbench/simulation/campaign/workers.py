@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 import signal
 import socket
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Final, Protocol, TypeVar, final
 
 from workbench.errors import InputError
@@ -82,18 +83,34 @@ def workers(jobs: int, scheduler: str | None) -> Iterator[Workers]:
 
 
 def _require_answer(scheduler: str) -> None:
-    """Raise InputError unless somebody listens there. A client that is refused takes half a minute
-    to say so, and then says it at length."""
+    """Raise InputError unless a Dask scheduler with a worker is there. A client that is refused
+    takes half a minute to say so, and one that gets no answer says nothing at all."""
     from distributed.comm import get_address_host_port, normalize_address
 
     try:
-        place = get_address_host_port(normalize_address(scheduler), strict=True)
+        address = normalize_address(scheduler)
+        place = get_address_host_port(address, strict=True)
         socket.create_connection(place, timeout=_ANSWERS_S).close()
-    except (OSError, ValueError) as error:
+        found = asyncio.run(asyncio.wait_for(_identity(address), _ANSWERS_S))
+    except (OSError, ValueError, TimeoutError) as error:
         raise InputError(
             f"--scheduler: expected the address of a Dask scheduler that answers, got "
-            f"{scheduler!r} ({error}); `dask scheduler` prints its own"
+            f"{scheduler!r} ({str(error) or 'no answer'}); `dask scheduler` prints its own"
         ) from error
+    if not found.get("workers"):
+        raise InputError(
+            f"--scheduler: expected a Dask scheduler with workers, {scheduler!r} has none; "
+            f"`dask worker {scheduler}` starts one"
+        )
+
+
+async def _identity(address: str) -> Mapping[str, object]:
+    """What a scheduler says of itself."""
+    from distributed.core import rpc
+
+    async with rpc(address) as scheduler:
+        found: Mapping[str, object] = await scheduler.identity()
+    return found
 
 
 def _leave_interrupts() -> None:
