@@ -81,6 +81,7 @@ def test_a_tube_shrunk_by_a_fifth_contains_less() -> None:
         for scale in (1.0, 0.8)
     ]
     assert [each.steps.value for each in shares if each is not None] == [1.0, 0.0]
+    assert [each.outside for each in shares if each is not None] == [0, shares[0].steps.of]
 
 
 @given(st.floats(0.0, 2.0), st.floats(0.1, 2.0))
@@ -127,6 +128,7 @@ def test_what_a_proof_does_not_reach_is_not_contained() -> None:
     assert (early.steps.value, early.proof_ended) == (1.0, 0)
     assert late.steps.value < 0.75
     assert late.proof_ended == late.all_windows
+    assert (early.outside, late.outside) == (0, 0)
     assert (early.area_rows, late.area_rows) == (1.0, 0.5)
 
 

@@ -3,6 +3,7 @@ its exit status whether the tubes contain what was asked."""
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 from pathlib import Path
 
@@ -26,9 +27,17 @@ from workbench.cli.reproduce_tables import (
     time_table,
     times_csv,
 )
-from workbench.cli.reproduce_work import FITTED, LEARNED, PLAIN, Found, timed_starts
+from workbench.cli.reproduce_work import (
+    FITTED,
+    HELD,
+    LEARNED,
+    PLAIN,
+    SCENARIOS,
+    Found,
+    timed_starts,
+)
 from workbench.codegen.bundle import bundle_files
-from workbench.models.vehicle import load_vehicle
+from workbench.models.vehicle import gem_e2_path, load_vehicle
 from workbench.runtime import Bundle
 from workbench.simulation.paper.accuracy import HORIZONS_S, accuracy_rows
 from workbench.simulation.paper.confidences import THIRDS
@@ -77,6 +86,7 @@ def tubes(bundle: Bundle, learned_files: dict[str, bytes]) -> tuple[KernelTubes,
     return (
         KernelTubes(bundle, VEHICLE, unsure=False, title=PLAIN),
         KernelTubes(bundle, VEHICLE, unsure=True, title=FITTED),
+        KernelTubes(bundle, VEHICLE, unsure=True, title=HELD),
         KernelTubes(loaded(learned_files), VEHICLE, unsure=False, title=LEARNED),
     )
 
@@ -123,6 +133,34 @@ def test_n_and_w_widen_the_tubes_and_smaller_sets_have_tubes_within(
         wider = np.prod(unsure.upper[:rows] - unsure.lower[:rows], axis=1)
         assert wider.sum() > 1.3 * np.prod(smaller.upper - smaller.lower, axis=1)[:rows].sum()
     assert len(unsure.ground) == len(unsure.lower)
+
+
+def test_a_ramped_reference_takes_the_car_anywhere_between_those_it_is_held_at(
+    run: ReplayedRun, tubes: tuple[KernelTubes, ...]
+) -> None:
+    """From a decision at half the wanted speed. But for a centimetre, as above."""
+    spec = paper_spec(VEHICLE, 5.0, ramps=True)
+    ramped = KernelTubes(paper_bundle(spec), spec.vehicle, unsure=True, title="ramped")
+    wanted_mps = VEHICLE.operation.reference_speed_mps
+    asked = dataclasses.replace(run.asked[-1], reference_speed_mps=0.5 * wanted_mps)
+    found = ramped.rows(run.path, asked, 2)
+    assert len(found.lower) >= 60
+    for reference_mps in (0.5 * wanted_mps, 0.75 * wanted_mps, wanted_mps):
+        at = dataclasses.replace(asked, reference_speed_mps=reference_mps)
+        held = tubes[1].rows(run.path, at, 2)
+        rows = min(len(found.lower), len(held.lower))
+        assert (found.lower[:rows] <= held.lower[:rows] + 0.01).all()
+        assert (found.upper[:rows] >= held.upper[:rows] - 0.01).all()
+
+
+def test_no_two_scenarios_are_driven_with_one_seed_nor_is_one_fitted_to() -> None:
+    args = argparse.Namespace(plant=[], quick=False, scenario=[], seeds=3)
+    firsts = reproduce_work.FIRST_SEED, reproduce_work.FIT_SEED
+    judged, fitted = (reproduce_work._trials(args, first) for first in firsts)
+    for plant in reproduce_work.PLANTS:
+        mine = [trial for trial in judged if trial.plant == plant]
+        assert len({trial.seed for trial in mine}) == len(mine) == 3 * len(SCENARIOS)
+    assert not {trial.seed for trial in judged} & {trial.seed for trial in fitted}
 
 
 def test_three_sets_take_longer_the_farther_they_reach(
@@ -174,7 +212,7 @@ def test_tables_hold_ours_and_the_papers_numbers(found: Found) -> None:
     assert "| tubes, left out of 4 because a tube ended early | 0 | 0 | 0 | 0 | 2 | – |" in times
     assert times_csv(found.times).splitlines()[-1].endswith(",4,2")
     steps = markdown(accuracy_tables(found, starts="at speed")[0])
-    assert "| the paper | learned beta | Low | 95.83 |" in steps
+    assert "| the paper | learned beta | Low | 95.825 |" in steps
     assert "of the rows" not in steps
     assert steps.count(FITTED) == steps.count(LEARNED) == 3
 
@@ -200,6 +238,8 @@ def test_an_area_says_of_how_many_rows_it_is(found: Found) -> None:
         (["other"], "paper"),
         (["paper", "--into", "nowhere.md"], "--into"),
         (["paper", "--require", "2"], "--require"),
+        (["paper", "--quick", "--seeds", "2"], "--seeds: expected without --quick"),
+        (["paper", "--vehicle", str(gem_e2_path())], "[drive_by_wire]"),
     ],
 )
 def test_wrong_use_is_told(

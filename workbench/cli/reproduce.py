@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -106,8 +107,8 @@ def run(args: argparse.Namespace) -> int:
         _write_into(args, found, args.into)
     reached = found.least >= args.require
     ending = (
-        f"the tubes with N and W contain at least {found.least:.2%} of the steps, at every T and "
-        f"confidence, of decisions at {AT_SPEED_MPS:g} m/s and more: "
+        f"the tubes with N and W contain at least {percent(found.least)} of the steps, at every T "
+        f"and confidence, of decisions at {AT_SPEED_MPS:g} m/s and more: "
         f"{'as' if reached else 'less than'} asked ({args.require:.2%}); {found.outside} steps of "
         "decisions at any speed were outside of one that had not ended"
     )
@@ -118,6 +119,11 @@ def run(args: argparse.Namespace) -> int:
           "plants": found.plants, "shares": found.shares, "learned": found.learned,
           "report": str(args.out / "report.html")})  # fmt: skip
     return DONE if reached else CLAIM_FAILS
+
+
+def percent(share: float) -> str:
+    """Rounded down: what is not all must not look like it."""
+    return f"{math.floor(1e5 * share) / 1e3:.3f} %"
 
 
 def sizes(found: Found) -> str:

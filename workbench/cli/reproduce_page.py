@@ -64,6 +64,7 @@ _TABLE_2: Final = (
 
 def paper_page(found: Found, *, command: str, require: float) -> Page:
     """Tables with ours and the paper's, pictures, settings."""
+    from workbench.cli.reproduce import percent
     from workbench.cli.reproduce_tables import accuracy_tables, count_table, time_table
     from workbench.report.page import Notice, Page, Paragraph, Section
     from workbench.report.paper import results_figure
@@ -76,7 +77,7 @@ def paper_page(found: Found, *, command: str, require: float) -> Page:
         "The paper's evaluation, repeated on simulated drives: a car that the analysis did not "
         "write, driven over CAN frames by the code that runs on the vehicle.",
         f"Of decisions at {AT_SPEED_MPS:g} m/s and more, the tubes with N and W of the vehicle "
-        f"file contain at least {least:.2%} of the steps on every plant, at every T and "
+        f"file contain at least {percent(least)} of the steps on every plant, at every T and "
         f"confidence, {reached} ({require:.2%}); the paper's contain 92.08 % to 98.91 %. At any "
         f"speed, {found.outside} steps were outside of one that had not ended.",
     )
