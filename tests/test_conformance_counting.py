@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -20,7 +21,7 @@ def test_with_one_trial_per_recording_the_interval_is_clopper_and_pearsons(
     of: int, data: st.DataObject
 ) -> None:
     inside = data.draw(st.integers(0, of))
-    share = clustered(inside, of, recordings=of)
+    share = clustered(inside, sizes=[1] * of)
     exact = binomtest(inside, of).proportion_ci(0.95, method="exact")
     assert share.low == pytest.approx(exact.low, abs=1e-9)
     assert share.high == pytest.approx(exact.high, abs=1e-9)
@@ -31,15 +32,31 @@ def test_more_windows_of_the_same_recordings_do_not_narrow_the_interval(
     recordings: int, each: int, data: st.DataObject
 ) -> None:
     inside = data.draw(st.integers(0, recordings))
-    one = clustered(inside, recordings, recordings=recordings)
-    many = clustered(inside * each, recordings * each, recordings=recordings)
+    one = clustered(inside, sizes=[1] * recordings)
+    many = clustered(inside * each, sizes=[each] * recordings)
     assert (one.low, one.high) == pytest.approx((many.low, many.high))
 
 
-@pytest.mark.parametrize(("inside", "of", "recordings"), [(2, 1, 1), (-1, 1, 1), (1, 1, 2)])
-def test_counts_that_cannot_be_are_refused(inside: int, of: int, recordings: int) -> None:
-    with pytest.raises(InputError, match="expected 0 <= inside <= of"):
-        clustered(inside, of, recordings=recordings)
+@pytest.mark.parametrize(
+    "sizes", [[6, 1, 8, 11, 7, 7], [100, 1, 1, 1, 1, 1], [7] * 6, [1, 2, 4, 8, 16, 32]]
+)
+def test_the_interval_holds_the_truth_where_recordings_are_inside_as_a_whole(
+    sizes: list[int],
+) -> None:
+    """Exactly, over all outcomes: the worst dependence that windows of one recording can have."""
+    outcomes = np.array(list(itertools.product((0, 1), repeat=len(sizes))))
+    shares = [clustered(int(inside), sizes=sizes) for inside in outcomes @ sizes]
+    low, high = (np.array([getattr(each, end) for each in shares]) for end in ("low", "high"))
+    whole = outcomes.sum(axis=1)
+    for truth in np.linspace(0.02, 0.98, 49):
+        weight = truth**whole * (1.0 - truth) ** (len(sizes) - whole)
+        assert weight[(low <= truth) & (truth <= high)].sum() >= 0.95
+
+
+@pytest.mark.parametrize(("inside", "sizes"), [(2, [1]), (-1, [1]), (1, [1, 0]), (0, [])])
+def test_counts_that_cannot_be_are_refused(inside: int, sizes: list[int]) -> None:
+    with pytest.raises(InputError, match="expected recordings of at least one step"):
+        clustered(inside, sizes=sizes)
 
 
 @pytest.mark.parametrize("left_out", [0, 1])
@@ -81,6 +98,8 @@ def test_steps_windows_and_recordings_are_counted() -> None:
     assert (found.steps.inside, found.steps.of) == (5, 6)
     assert (found.windows.inside, found.windows.of) == (2, 3)
     assert (found.recordings.inside, found.recordings.of) == (1, 2)
+    assert found.windows.trials == pytest.approx(9.0 / 5.0)
+    assert found.recordings.trials == 2.0
     assert found.proof_ended == 1
     assert found.mean_area_m2 == pytest.approx(9.0 / 5.0)
     assert [each.windows_inside for each in found.by_recording] == [1, 1]

@@ -172,6 +172,19 @@ def count_rows(outcome: Outcome) -> list[list[str | int | float | None]]:
 COUNT_HEADINGS: Final = ["what", "steps", "windows", "recordings", "mean area (m2)"]
 
 
+def interval_note(verdict: Verdict) -> str:
+    """What the intervals count."""
+    of = {"fitted to": verdict.training, "others": verdict.held_out}
+    worth = ", ".join(
+        f"{found.windows.trials:.3g} for the {found.recordings.of} {name}"
+        for name, found in of.items()
+    )
+    return (
+        "95 % intervals (Clopper and Pearson); steps and windows count as so many trials as "
+        f"recordings of these lengths are worth (Kish): {worth}"
+    )
+
+
 def _lines(args: argparse.Namespace, subject: Subject, outcome: Outcome) -> list[str]:
     verdict, points = outcome.verdict, outcome.verdict.pointwise
     lines = [
@@ -180,7 +193,7 @@ def _lines(args: argparse.Namespace, subject: Subject, outcome: Outcome) -> list
         text_table(["key", "bound"], figures(outcome.section)),
         "",
         text_table(COUNT_HEADINGS, count_rows(outcome)),
-        "[ , ]: 95 % intervals (Clopper and Pearson) that count each recording as one trial",
+        f"[ , ]: {interval_note(verdict)}",
         "",
         str(verdict.stated),
         "pointwise, at every instant of the windows fitted to: acceleration "

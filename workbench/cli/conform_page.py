@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from workbench import __version__
 from workbench.cli.analysis_options import command_line
-from workbench.cli.conform import COUNT_HEADINGS, count_rows, figures
+from workbench.cli.conform import COUNT_HEADINGS, count_rows, figures, interval_note
 
 if TYPE_CHECKING:
     from workbench.cli.conform import Outcome
@@ -20,8 +20,7 @@ _NOTES: Final = (
     "linear program on half widths to first order, then all bounds times one factor until proved "
     "tubes contain these windows. Containment of the measured motion is found by comparing, not "
     "proved: other motion of the same car may leave the tubes.",
-    "Only instants are compared. Intervals in brackets count each recording as one trial, however "
-    "many windows it has, because windows of one drive resemble each other.",
+    "Only instants are compared.",
     "Containment says little without the area: a tube over the whole street contains everything.",
 )
 
@@ -47,7 +46,10 @@ def write_conform_page(args: argparse.Namespace, subject: Subject, outcome: Outc
         tuple(each.recording + mark for each, mark in counts),
         np.array([each.windows_inside / each.windows for each, _ in counts]),
         _tables(outcome),
-        _NOTES,
+        (
+            *_NOTES,
+            f"In brackets: {interval_note(verdict)}. Windows of one drive resemble each other.",
+        ),
     )
     command = command_line("conform", args, positional=("source",))
     page = conformance_page(report, version=__version__, command=command)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, final
 
@@ -20,14 +21,18 @@ CONFIDENCE: Final = 0.95
 @final
 @dataclass(frozen=True, slots=True)
 class Share:
-    """A share with its interval: Clopper and Pearson's for as many trials as there are recordings.
+    """A share with its interval: Clopper and Pearson's for so many effective trials.
 
-    Steps and windows of one recording count as one trial together: however strongly they depend on
-    each other, they say no more than that. With few recordings the interval is wide.
+    trials: (sum n)^2 / sum n^2 for recordings of n steps or windows each: where all of one
+    recording are inside together or outside together, the share varies as that of so many
+    independent trials. That is the number of recordings where all are of one length, and less
+    where a long one outweighs the others. Source: L. Kish, Survey Sampling, Wiley 1965 (the
+    effective size of a sample with weights n). With few recordings the interval is wide.
     """
 
     inside: int
     of: int
+    trials: float
     low: float
     high: float
 
@@ -37,23 +42,28 @@ class Share:
         return self.inside / self.of
 
 
-def clustered(inside: int, of: int, *, recordings: int) -> Share:
-    """`Share` of trials in so many recordings. Raises InputError on numbers that cannot be.
+def clustered(inside: int, *, sizes: Sequence[int]) -> Share:
+    """`Share` of the steps or windows of recordings that have so many each. Raises InputError on
+    numbers that cannot be.
 
-    >>> share = clustered(30, 30, recordings=5)
+    >>> share = clustered(30, sizes=[6, 6, 6, 6, 6])
     >>> round(share.low, 3), share.high
     (0.478, 1.0)
+    >>> round(clustered(30, sizes=[26, 1, 1, 1, 1]).trials, 2)
+    1.32
     """
-    if not (0 <= inside <= of and 1 <= recordings <= of):
+    of = sum(sizes)
+    if not (0 <= inside <= of and min(sizes, default=0) >= 1):
         raise InputError(
-            f"expected 0 <= inside <= of and 1 <= recordings <= of, got {inside}, {of} and "
-            f"{recordings}"
+            "expected recordings of at least one step or window each, and 0 <= inside <= their "
+            f"sum, got {inside} inside of sizes {list(sizes)}"
         )
-    half, successes = 0.5 * (1.0 - CONFIDENCE), recordings * inside / of
-    failures = recordings - successes
+    trials = of**2 / sum(size**2 for size in sizes)
+    half, successes = 0.5 * (1.0 - CONFIDENCE), trials * inside / of
+    failures = trials - successes
     low = float(beta.ppf(half, successes, failures + 1.0)) if inside else 0.0
     high = float(beta.ppf(1.0 - half, successes + 1.0, failures)) if inside < of else 1.0
-    return Share(inside, of, low, high)
+    return Share(inside, of, trials, low, high)
 
 
 @final
@@ -102,9 +112,9 @@ def containment(enclosed: Enclosed) -> Containment:
         )
     complete = sum(each.windows_inside == each.windows for each in counts)
     return Containment(
-        clustered(int(enclosed.inside.sum()), enclosed.inside.size, recordings=len(names)),
-        clustered(int(enclosed.whole.sum()), len(enclosed.whole), recordings=len(names)),
-        clustered(complete, len(names), recordings=len(names)),
+        clustered(int(enclosed.inside.sum()), sizes=[each.steps for each in counts]),
+        clustered(int(enclosed.whole.sum()), sizes=[each.windows for each in counts]),
+        clustered(complete, sizes=[1] * len(counts)),
         enclosed.mean_area_m2,
         enclosed.proof_ended,
         tuple(counts),
