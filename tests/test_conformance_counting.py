@@ -59,16 +59,20 @@ def test_counts_that_cannot_be_are_refused(inside: int, sizes: list[int]) -> Non
         clustered(inside, sizes=sizes)
 
 
-@pytest.mark.parametrize("left_out", [0, 1])
-def test_the_bound_known_before_the_fit_solves_its_equation(left_out: int) -> None:
-    stated = statement(recordings=80, parameters=3, left_out=left_out, supporting=2)
-    ways = math.comb(left_out + 2, left_out)
-    tail = ways * binom.cdf(left_out + 2, 80, stated.a_priori)
-    assert tail == pytest.approx(0.05, rel=1e-6)
+def test_the_bound_known_before_the_fit_solves_its_equation() -> None:
+    stated = statement(recordings=80, parameters=3, discards=False, supporting=2)
+    assert binom.cdf(2, 80, stated.a_priori) == pytest.approx(0.05, rel=1e-6)
+
+
+def test_nothing_is_known_before_a_fit_that_may_leave_windows_out() -> None:
+    stated = statement(recordings=80, parameters=3, discards=True, supporting=2)
+    assert stated.a_priori is None
+    assert "nothing was known before the fit" in str(stated)
+    assert stated.epsilon < 1.0
 
 
 def test_wait_and_judge_solves_its_equation() -> None:
-    stated = statement(recordings=50, parameters=3, left_out=0, supporting=2)
+    stated = statement(recordings=50, parameters=3, discards=False, supporting=2)
     assert 50 * math.comb(50, 2) * (1.0 - stated.epsilon) ** 48 == pytest.approx(0.05)
 
 
@@ -76,7 +80,7 @@ def test_wait_and_judge_solves_its_equation() -> None:
 def test_more_recordings_say_more_and_more_deciding_ones_less(count: int, supporting: int) -> None:
     def epsilon(recordings: int, deciding: int) -> float:
         return statement(
-            recordings=recordings, parameters=3, left_out=0, supporting=deciding
+            recordings=recordings, parameters=3, discards=False, supporting=deciding
         ).epsilon
 
     assert epsilon(count + 50, supporting) <= epsilon(count, supporting)
@@ -84,10 +88,10 @@ def test_more_recordings_say_more_and_more_deciding_ones_less(count: int, suppor
 
 
 def test_too_few_recordings_say_nothing() -> None:
-    stated = statement(recordings=2, parameters=3, left_out=0, supporting=2)
+    stated = statement(recordings=2, parameters=3, discards=False, supporting=2)
     assert (stated.epsilon, stated.a_priori) == (1.0, 1.0)
     assert "which says nothing" in str(stated)
-    assert statement(recordings=0, parameters=3, left_out=0, supporting=0).epsilon == 1.0
+    assert statement(recordings=0, parameters=3, discards=False, supporting=0).epsilon == 1.0
 
 
 def test_steps_windows_and_recordings_are_counted() -> None:

@@ -195,7 +195,7 @@ def _lines(args: argparse.Namespace, subject: Subject, outcome: Outcome) -> list
         text_table(COUNT_HEADINGS, count_rows(outcome)),
         f"[ , ]: {interval_note(verdict)}",
         "",
-        str(verdict.stated),
+        verdict.said,
         "pointwise, at every instant of the windows fitted to: acceleration "
         f"{_shown(points.acceleration_mps2)} m/s^2, steering rate "
         f"{_shown(points.steering_rate_radps)} rad/s, sideways {_shown(points.sideways_mps)} m/s; "
@@ -203,12 +203,21 @@ def _lines(args: argparse.Namespace, subject: Subject, outcome: Outcome) -> list
     ]
     if outcome.refused:
         lines.append(f"no vehicle.toml: {outcome.refused}")
-    found = verdict.held_out.steps.value
-    lines.append(
-        f"the tubes contain {found:.2%} of the steps of other recordings, "
-        f"{'as' if verdict.reached(args.require) else 'less than'} asked ({args.require:.2%})"
+    return [*lines, _ending(verdict, args.require)]
+
+
+def _ending(verdict: Verdict, require: float) -> str:
+    fitted, share = verdict.training.windows, verdict.held_out.steps.value
+    if not verdict.fit.contained:
+        return (
+            f"the tubes do not contain what they were fitted to: {fitted.of - fitted.inside} of "
+            f"{fitted.of} windows leave theirs ({share:.2%} of the other recordings' steps are "
+            "inside)"
+        )
+    return (
+        f"the tubes contain {share:.2%} of the steps of other recordings, "
+        f"{'as' if verdict.reached(require) else 'less than'} asked ({require:.2%})"
     )
-    return lines
 
 
 def _shown(value: float | None) -> str:

@@ -38,7 +38,7 @@ def write_conform_page(args: argparse.Namespace, subject: Subject, outcome: Outc
               *((each, "") for each in verdict.held_out.by_recording))  # fmt: skip
     report = ConformanceReport(
         f"Tubes against the motion of {subject.source.resolve().name}",
-        (subject.about(verdict), str(verdict.stated)),
+        (subject.about(verdict), verdict.said),
         subject.candidates[0][2].times_s,
         _labels(verdict),
         tubes.deviation,

@@ -93,7 +93,7 @@ class Subject:
         """The vehicle file's section with the fitted figures."""
         found = {key: getattr(verdict.fit.uncertainty, key) for key in model.fitted}
         text = "\n".join(
-            [self.about(verdict), f"{_held_out(verdict)} Statement: {verdict.stated}.",
+            [self.about(verdict), f"{_held_out(verdict)} Statement: {verdict.said}.",
              f"Made by `{command}`."]
         )  # fmt: skip
         return dataclasses.replace(self.vehicle.uncertainty, **found, provenance=text)

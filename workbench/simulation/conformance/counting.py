@@ -127,54 +127,56 @@ class Statement:
     """With confidence 1 - delta, a further recording has a window outside with at most `epsilon`.
 
     recordings: fitted to, the independent units, without the one that the cost is made of;
-    parameters: fitted bounds; left_out: recordings of which a window was left out. a_priori: known
-    before the fit, of the linear program alone (Campi and Garatti 2011, with discarded scenarios),
-    for tubes to first order. supporting: recordings that decide bounds and factor or were left out.
-    epsilon: wait and judge for whatever was made of the data (Campi, Garatti, Ramponi 2018), which
-    covers the real tubes; 1 says nothing.
+    parameters: fitted bounds. a_priori: known before the fit, of the linear program alone, for
+    tubes to first order; None where windows may be left out. supporting: recordings that decide
+    bounds and factor or had windows left out. epsilon: wait and judge for whatever was made of the
+    data, which covers the real tubes; 1 says nothing.
     """
 
     recordings: int
     parameters: int
-    left_out: int
     delta: float
-    a_priori: float
+    a_priori: float | None
     supporting: int
     epsilon: float
 
     def __str__(self) -> str:
         weak = ", which says nothing" if self.epsilon >= 1.0 else ""
+        before = (
+            "; nothing was known before the fit, because windows may be left out"
+            if self.a_priori is None
+            else f"; known before the fit, for tubes to first order: {self.a_priori:.3g} "
+            f"({self.parameters} fitted bounds)"
+        )
         return (
             f"with confidence 1 - {self.delta:g}, a further recording drawn as the "
             f"{self.recordings} independent ones were has a window that leaves its tube with "
             f"probability at most {self.epsilon:.3g}{weak} (wait and judge: {self.supporting} of "
-            "them decide the figures); known before the fit, for tubes to first order: "
-            f"{self.a_priori:.3g} ({self.parameters} fitted bounds, {self.left_out} recordings "
-            "with windows left out)"
+            f"them decide the figures or had windows left out){before}"
         )
 
 
 def statement(
-    *, recordings: int, parameters: int, left_out: int, supporting: int, delta: float = 0.05
+    *, recordings: int, parameters: int, discards: bool, supporting: int, delta: float = 0.05
 ) -> Statement:
-    """What that many recordings support.
+    """What that many recordings support, if every one that is not `supporting` is contained.
 
-    Sources: M. C. Campi, S. Garatti, "A sampling-and-discarding approach to chance-constrained
-    optimization", J. Optim. Theory Appl. 148, 2011; M. C. Campi, S. Garatti, F. A. Ramponi, "A
-    general scenario theory for nonconvex optimization and decision making", IEEE TAC 63(12), 2018:
-    epsilon(k) = 1 - (delta / (N C(N, k)))^(1 / (N - k)), epsilon(N) = 1.
+    discards: may windows be left out? Then nothing is said before the fit: the theory of discarded
+    scenarios (M. C. Campi, S. Garatti, "A sampling-and-discarding approach to chance-constrained
+    optimization", J. Optim. Theory Appl. 148, 2011) is about as many whole recordings as were
+    named beforehand, all outside in the end; here a recording's other windows still count, and
+    what was left out may turn out to be inside.
+    Source: M. C. Campi, S. Garatti, "The exact feasibility of randomized solutions of uncertain
+    convex programs", SIAM J. Optim. 19(3), 2008, before the fit; M. C. Campi, S. Garatti, F. A.
+    Ramponi, "A general scenario theory for nonconvex optimization and decision making", IEEE TAC
+    63(12), 2018: epsilon(k) = 1 - (delta / (N C(N, k)))^(1 / (N - k)), epsilon(N) = 1.
 
-    >>> round(statement(recordings=500, parameters=2, left_out=0, supporting=2).epsilon, 3)
+    >>> round(statement(recordings=500, parameters=2, discards=False, supporting=2).epsilon, 3)
     0.041
     """
-    if recordings < 1:
-        return Statement(0, parameters, left_out, delta, 1.0, 0, 1.0)
-    return Statement(
-        recordings, parameters, left_out, delta,
-        _discarding(recordings, parameters=parameters, left_out=left_out, delta=delta),
-        supporting,
-        _judged(recordings, supporting, delta=delta),
-    )  # fmt: skip
+    known = None if discards else violation_bound(recordings, delta=delta, parameters=parameters)
+    epsilon = _judged(recordings, supporting, delta=delta)
+    return Statement(recordings, parameters, delta, known, supporting, epsilon)
 
 
 def _judged(count: int, supporting: int, *, delta: float) -> float:
@@ -183,9 +185,3 @@ def _judged(count: int, supporting: int, *, delta: float) -> float:
     choices = gammaln(count + 1) - gammaln(supporting + 1) - gammaln(count - supporting + 1)
     log_share = (math.log(delta) - math.log(count) - float(choices)) / (count - supporting)
     return 1.0 - math.exp(log_share)
-
-
-def _discarding(count: int, *, parameters: int, left_out: int, delta: float) -> float:
-    """Smallest eps with C(k+d-1, k) sum_{i < k+d} C(N, i) eps^i (1-eps)^(N-i) <= delta."""
-    ways = math.comb(left_out + parameters - 1, left_out)
-    return violation_bound(count, delta=delta / ways, parameters=left_out + parameters)

@@ -27,8 +27,9 @@ class Verdict:
     """One fit and how it fares.
 
     training, held_out: containment by real tubes; held_out_tubes: the tubes behind it; stated: what
-    the training recordings support for a further one; pointwise: the stronger alternative, with
-    the share of held-out steps within it and the tubes that it makes of the held-out windows.
+    the training recordings support for a further one, None where the tubes do not contain all
+    windows that were not left out; pointwise: the stronger alternative, with the share of held-out
+    steps within it and the tubes that it makes of the held-out windows.
     """
 
     model: MotionModel
@@ -37,7 +38,7 @@ class Verdict:
     training: Containment
     held_out: Containment
     held_out_tubes: Enclosed
-    stated: Statement
+    stated: Statement | None
     pointwise: Traces
     pointwise_share: float | None
     pointwise_tubes: Containment
@@ -45,6 +46,15 @@ class Verdict:
     def reached(self, share: float) -> bool:
         """Are all training windows contained, and this share of the held-out steps?"""
         return self.fit.contained and self.held_out.steps.value >= share
+
+    @property
+    def said(self) -> str:
+        """The statement, or why there is none."""
+        whole = self.training.recordings
+        return str(self.stated or (
+            "nothing is stated of further recordings: that takes tubes that contain all windows "
+            f"fitted to, and {whole.of - whole.inside} of {whole.of} recordings leave theirs"
+        ))  # fmt: skip
 
 
 @final
@@ -83,26 +93,30 @@ def judge(
         containment(found.enclosed),
         containment(tubes),
         tubes,
-        _stated(model, training, found, candidates),
+        _stated(model, training, found, discards=outliers > 0, delta=_DELTA / candidates),
         points,
         points.kept(held_out),
         containment(enclose(model, points.uncertainty(), held_out)),
     )
 
 
-def _stated(model: MotionModel, training: Measured, found: Fit, candidates: int) -> Statement:
+def _stated(
+    model: MotionModel, training: Measured, found: Fit, *, discards: bool, delta: float
+) -> Statement | None:
+    """Wait and judge needs every recording that it does not count as deciding to be contained."""
+    if not found.contained:
+        return None
     owners = [window.recording for window in training.windows]
     first = training.recordings[0]
-    out = {owners[place] for place in found.linear.left_out} - {first}
-    deciding = {owners[place] for place in found.linear.deciding} | out
+    deciding = {owners[place] for place in (*found.linear.deciding, *found.linear.left_out)}
     if found.deciding is not None:
         deciding.add(found.deciding)
     return statement(
         recordings=len(training.recordings) - 1,
         parameters=len(model.fitted),
-        left_out=len(out),
+        discards=discards,
         supporting=len(deciding - {first}),
-        delta=_DELTA / candidates,
+        delta=delta,
     )
 
 
