@@ -7,6 +7,7 @@ import math
 import random
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -56,9 +57,8 @@ def conform(source: Path, out: Path, *more: str) -> int:
                  *more])  # fmt: skip
 
 
-def data(out: Path) -> dict[str, object]:
-    found: dict[str, object] = json.loads((out / "conformance.json").read_text(encoding="utf-8"))
-    return found
+def data(out: Path) -> Any:
+    return json.loads((out / "conformance.json").read_text(encoding="utf-8"))
 
 
 def test_a_fit_that_failed_states_nothing(
@@ -76,6 +76,43 @@ def test_a_fit_that_failed_states_nothing(
     assert data(tmp_path / "out")["statement"] is None
 
 
+def test_a_window_left_out_that_is_inside_after_all_is_said_to_be(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """To first order a standing car does not come aside, whatever pushes it; a real tube does."""
+    recordings = {
+        name: drive(7.0, 3.0, seed=k, pushed=lambda t: 1.2 * math.sin(t))
+        for k, name in enumerate("abd")
+    }
+    standing = drive(4.0, 0.0, seed=3)
+    recordings["c"] = [(*row[:2], 0.3 if row[0] > 2.5 else 0.0, *row[3:]) for row in standing]
+    source = write(tmp_path / "aside", recordings)
+    assert conform(source, tmp_path / "out") == 1
+    said = capsys.readouterr().out
+    assert said.startswith("to first order no bounds contain the training windows")
+    conform(source, tmp_path / "out", "--outliers", "1")
+    assert "c from 0 s (inside its tube after all)" in capsys.readouterr().out
+    (left_out,) = data(tmp_path / "out")["windows_left_out"]
+    assert left_out == {"recording": "c", "start_s": 0.0, "inside": True}
+
+
+def test_what_was_left_out_counts_in_no_figure_of_the_training_windows(tmp_path: Path) -> None:
+    """A jump of 5 m would make the containing disc and the pointwise bounds useless."""
+    recordings = {name: swaying(k) for k, name in enumerate("abcd")}
+    rows = [list(row) for row in swaying(2)]
+    for row in rows[35:]:
+        row[1] += 5.0
+    rows[40][5] = 50.0
+    recordings["c"] = [tuple(row) for row in rows]
+    source = write(tmp_path / "jump", recordings)
+    conform(source, tmp_path / "out", "--outliers", "1")
+    found = data(tmp_path / "out")
+    assert [each["recording"] for each in found["windows_left_out"]] == ["c"]
+    assert found["pointwise"]["acceleration_mps2"] < 1.0
+    areas = [each["mean_area_m2"] for each in found["discs"]]
+    assert max(areas) < 20.0
+
+
 def test_nothing_is_known_before_a_fit_that_may_leave_windows_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -86,5 +123,5 @@ def test_nothing_is_known_before_a_fit_that_may_leave_windows_out(
     source = write(tmp_path / "jump", recordings)
     assert conform(source, tmp_path / "out", "--outliers", "1") == 1
     said = capsys.readouterr().out
-    assert "Windows left out: a from 3 s" in said
+    assert "Windows left out: a from 3 s." in said
     assert "nothing was known before the fit" in said

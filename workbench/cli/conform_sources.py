@@ -27,6 +27,20 @@ _MOST_OF_A_CAR: Final = {"acceleration_mps2": 10.0, "steering_rate_radps": 2.0}
 
 @final
 @dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A window that the fit did without; inside: whether its real tube contains it after all."""
+
+    recording: str
+    start_s: float
+    inside: bool
+
+    def __str__(self) -> str:
+        after_all = " (inside its tube after all)" if self.inside else ""
+        return f"{self.recording} from {self.start_s:g} s{after_all}"
+
+
+@final
+@dataclass(frozen=True, slots=True)
 class Subject:
     """Models with the windows that each of them sees, and how to speak of them.
 
@@ -79,15 +93,19 @@ class Subject:
             f"Fitted to {training.windows.of} windows of {training.recordings.of} recordings, "
             f"tested on {held_out.windows.of} windows of {held_out.recordings.of} others "
             f"({self.split.rule}). Windows left out: "
-            + (", ".join(f"{name} from {start:g} s" for name, start in left_out) or "none")
+            + (", ".join(map(str, left_out)) or "none")
             + f". Bounds to first order times {verdict.fit.inflation:.3g}."
         )
 
-    def left_out(self, verdict: Verdict) -> list[tuple[str, float]]:
-        """Recording and beginning of each window left out."""
+    def left_out(self, verdict: Verdict) -> list[LeftOut]:
+        """Each window that was left out."""
         measured = next(m for _, model, m in self.candidates if model is verdict.model)
         windows = measured.of(self.split.training).windows
-        return [(windows[k].recording, windows[k].start_s) for k in verdict.fit.linear.left_out]
+        found = verdict.fit
+        return [
+            LeftOut(windows[k].recording, windows[k].start_s, k in found.inside_after_all)
+            for k in found.linear.left_out
+        ]
 
     def section(self, model: MotionModel, verdict: Verdict, *, command: str) -> Uncertainty:
         """The vehicle file's section with the fitted figures."""

@@ -28,7 +28,7 @@ _LEAST_COST: Final = 1e-6
 
 @final
 class NoFitError(InputError):
-    """No bounds within the limits contain the windows, even to first order."""
+    """No bounds within the limits contain the windows to first order."""
 
 
 @final
@@ -61,6 +61,11 @@ class Fit:
     uncertainty: Uncertainty
     enclosed: Enclosed
     contained: bool
+
+    @property
+    def inside_after_all(self) -> tuple[int, ...]:
+        """Places of the windows that were left out and that the real tubes contain."""
+        return tuple(place for place in self.linear.left_out if self.enclosed.whole[place])
 
 
 def linear_fit(
@@ -137,10 +142,12 @@ def _impossible(model: MotionModel, limits: Array) -> str:
         if np.isfinite(limit)
     ]
     return (
-        "no bounds contain the training windows even to first order"
+        "to first order no bounds contain the training windows"
         + (f" with {', '.join(named)}" if named else "")
         + "; the motion is not that of this model, the stated errors of the beginnings are "
-        "too small, or a window holds a defect of the measurement (leave it out: --outliers)"
+        "too small, or a window holds a defect of the measurement or lies near standstill, where "
+        "the first order is not what real tubes do (leave it out with --outliers: it is checked "
+        "against the real tubes)"
     )
 
 

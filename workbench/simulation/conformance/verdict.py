@@ -85,7 +85,7 @@ def judge(
     training, held_out = measured.of(split.training), measured.of(split.held_out)
     found = fit(model, training, outliers=outliers, most=most)
     tubes = enclose(model, found.uncertainty, held_out)
-    points = traces(training)
+    points = traces(training.without(found.linear.left_out))
     return Verdict(
         model,
         found,
@@ -121,9 +121,9 @@ def _stated(
 
 
 def discs(measured: Measured, verdict: Verdict, *, error_m: float) -> tuple[DiscResult, ...]:
-    """Discs as large as the tubes of the held-out windows, and such that contain all training
-    windows."""
-    training = measured.of(verdict.split.training)
+    """Discs as large as the tubes of the held-out windows, and such that contain the training
+    windows that were not left out."""
+    training = measured.of(verdict.split.training).without(verdict.fit.linear.left_out)
     held_out = measured.of(verdict.split.held_out)
     area = verdict.held_out.mean_area_m2
     results = []
@@ -132,7 +132,7 @@ def discs(measured: Measured, verdict: Verdict, *, error_m: float) -> tuple[Disc
             ("of the tubes' mean area", of_area(
                 prediction, held_out, error_m=error_m, mean_area_m2=area
             )),
-            ("that contains the training windows", containing(
+            ("that contains the windows fitted to", containing(
                 prediction, training, error_m=error_m
             )),
         ):  # fmt: skip
