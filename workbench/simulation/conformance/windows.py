@@ -16,6 +16,9 @@ from workbench.sets import Box
 
 Array = NDArray[np.float64]
 
+LONGEST_GAP_S: Final = 0.25
+"""Between the samples of a window at most: farther apart, motion between them is not measured."""
+
 SIGNALS: Final = {
     "lateral_m": "position_error_lateral",
     "heading_rad": "heading_estimate_error",
@@ -115,8 +118,9 @@ def alternating(names: Sequence[str]) -> Split:
     ordered = sorted(names)
     if len(ordered) < 2:
         raise InputError(
-            f"expected at least two recordings with whole windows, got {len(ordered)}; one to fit "
-            "and one to test on is the least, add recordings or shorten --window"
+            f"expected at least two recordings with whole windows (no {LONGEST_GAP_S:g} s between "
+            f"samples), got {len(ordered)}; one to fit and one to test on is the least, add "
+            "recordings or shorten --window"
         )
     rule = "every other recording by name, beginning with the first, is fitted to"
     return Split(rule, tuple(ordered[::2]), tuple(ordered[1::2]))
