@@ -113,6 +113,19 @@ def test_what_was_left_out_counts_in_no_figure_of_the_training_windows(tmp_path:
     assert max(areas) < 20.0
 
 
+def test_where_all_cars_stand_no_disc_has_the_tubes_area(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = write(tmp_path / "standing", {n: drive(4.0, 0.0, seed=k) for k, n in enumerate("ab")})
+    assert conform(source, tmp_path / "out", "--plot") == 0
+    assert "no disc has the tubes' mean area" in capsys.readouterr().out
+    found = data(tmp_path / "out")
+    assert {each["kind"] for each in found["discs"]} == {"that contains the windows fitted to"}
+    assert "0.251 m^2" in found["discs_lacking"]
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "No disc has the tubes" in page
+
+
 def test_nothing_is_known_before_a_fit_that_may_leave_windows_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

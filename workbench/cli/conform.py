@@ -35,11 +35,13 @@ _FILES: Final = ("vehicle.toml", "conformance.json", "report.html")
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What came out: the verdict, discs beside it, and the section; refused: why no vehicle file
-    is written (empty: it is), with vehicle_text."""
+    """What came out: the verdict, discs beside it with which of them are lacking and why (empty:
+    none), and the section; refused: why no vehicle file is written (empty: it is), with
+    vehicle_text."""
 
     verdict: Verdict
     discs: tuple[DiscResult, ...]
+    lacking: str
     section: Uncertainty
     refused: str
     vehicle_text: str
@@ -119,9 +121,13 @@ def _outcome(args: argparse.Namespace, subject: Subject) -> Outcome:
     command = command_line("conform", args, positional=("source",))
     section = subject.section(model, verdict, command=command)
     refused = subject.refusal(section)
+    beside, lacking = (
+        discs(measured, verdict, error_m=subject.disc_error_m) if subject.discs else ((), "")
+    )
     return Outcome(
         verdict,
-        discs(measured, verdict, error_m=subject.disc_error_m) if subject.discs else (),
+        beside,
+        lacking,
         section,
         refused if verdict.fit.contained else "the tubes do not contain the windows fitted to",
         "" if refused else subject.vehicle_text(section),
@@ -194,6 +200,7 @@ def _lines(args: argparse.Namespace, subject: Subject, outcome: Outcome) -> list
         "",
         text_table(COUNT_HEADINGS, count_rows(outcome)),
         f"[ , ]: {interval_note(verdict)}",
+        *([outcome.lacking] if outcome.lacking else []),
         "",
         verdict.said,
         "pointwise, at every instant of the windows fitted to: acceleration "
@@ -242,4 +249,5 @@ def _data(subject: Subject, outcome: Outcome) -> dict[str, object]:
         "pointwise_share_held_out": verdict.pointwise_share,
         "pointwise_tubes_held_out": verdict.pointwise_tubes,
         "discs": outcome.discs,
+        "discs_lacking": outcome.lacking or None,
     }

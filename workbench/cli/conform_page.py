@@ -49,6 +49,7 @@ def write_conform_page(args: argparse.Namespace, subject: Subject, outcome: Outc
         (
             *_NOTES,
             f"In brackets: {interval_note(verdict)}. Windows of one drive resemble each other.",
+            *([f"{outcome.lacking}.".capitalize()] if outcome.lacking else []),
         ),
     )
     command = command_line("conform", args, positional=("source",))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, final
@@ -120,22 +121,29 @@ def _stated(
     )
 
 
-def discs(measured: Measured, verdict: Verdict, *, error_m: float) -> tuple[DiscResult, ...]:
+def discs(
+    measured: Measured, verdict: Verdict, *, error_m: float
+) -> tuple[tuple[DiscResult, ...], str]:
     """Discs as large as the tubes of the held-out windows, and such that contain the training
-    windows that were not left out."""
+    windows that were not left out; and why there is none of the former (empty: there is)."""
     training = measured.of(verdict.split.training).without(verdict.fit.linear.left_out)
     held_out = measured.of(verdict.split.held_out)
-    area = verdict.held_out.mean_area_m2
+    area, least = verdict.held_out.mean_area_m2, math.pi * error_m**2
     results = []
     for prediction in Prediction:
-        for kind, disc in (
-            ("of the tubes' mean area", of_area(
+        found = {}
+        if area > least:
+            found["of the tubes' mean area"] = of_area(
                 prediction, held_out, error_m=error_m, mean_area_m2=area
-            )),
-            ("that contains the windows fitted to", containing(
-                prediction, training, error_m=error_m
-            )),
-        ):  # fmt: skip
+            )
+        found["that contains the windows fitted to"] = containing(
+            prediction, training, error_m=error_m
+        )
+        for kind, disc in found.items():
             counts = containment(disc.enclosed(held_out))
             results.append(DiscResult(kind, disc, disc.area_m2(held_out.times_s), counts))
-    return tuple(results)
+    lacking = "" if area > least else (
+        f"no disc has the tubes' mean area: they take {area:.3g} m^2, and a disc {least:.3g} m^2 "
+        f"at the beginning already, where the position is known to {error_m:.3g} m"
+    )  # fmt: skip
+    return tuple(results), lacking
