@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, final
 
 from workbench.cli.analysis_options import command_line, number, positive, text_table
 from workbench.cli.common import add_output_option, add_vehicle_option, output_folder, write_text
-from workbench.cli.output import emit, plain
+from workbench.cli.output import Progress, emit, plain
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source", type=Path, metavar="SOURCE",
         help="folder of closed-loop runs (runs.csv, paths.csv) or of recordings "
-        "(vehicles.csv, shapes.csv)",
+        "(vehicles.csv, shapes.csv, peds.csv)",
     )  # fmt: skip
     add_vehicle_option(parser)
     add_output_option(parser, default="out/conformance")
@@ -97,27 +97,43 @@ def run(args: argparse.Namespace) -> int:
     from workbench.cli.main import CLAIM_FAILS, DONE
     from workbench.simulation.conformance.fit import NoFitError
 
-    subject = chosen_subject(args)
-    if subject.vehicle_file.resolve() == (args.out / "vehicle.toml").resolve():
-        raise InputError(
-            f"--out: expected another folder than the vehicle file's, got {args.out}; its "
-            "vehicle.toml would be replaced"
-        )
+    if not 0.0 <= args.require <= 1.0:
+        raise InputError(f"--require: expected a share from 0 to 1, got {args.require:g}")
     try:
-        outcome = _outcome(args, subject)
+        with output_folder(args.out) as folder:
+            subject = chosen_subject(args)
+            _keep_inputs(args, subject)
+            outcome = _outcome(args, subject)
+            _write(args, subject, outcome, folder)
     except NoFitError as error:
+        _remove_results(args.out)
         emit(args, str(error), {"refused": str(error)})
         return CLAIM_FAILS
-    with output_folder(args.out) as folder:
-        _write(args, subject, outcome, folder)
     emit(args, "\n".join(_lines(args, subject, outcome)), _data(subject, outcome))
     return DONE if outcome.verdict.reached(args.require) and not outcome.refused else CLAIM_FAILS
 
 
-def _outcome(args: argparse.Namespace, subject: Subject) -> Outcome:
-    from workbench.simulation.conformance.verdict import discs
+def _keep_inputs(args: argparse.Namespace, subject: Subject) -> None:
+    """Raise InputError where a vehicle.toml that was given, or lies beside the runs, would go."""
+    given = {file.resolve() for file in (subject.vehicle_file, subject.source / "vehicle.toml")}
+    if (args.out / "vehicle.toml").resolve() in given:
+        raise InputError(
+            "--out: expected another folder than SOURCE and the vehicle file's, got "
+            f"{args.out}; its vehicle.toml would be replaced"
+        )
 
-    model, measured, verdict = subject.judged(args.outliers)
+
+def _remove_results(folder: Path) -> None:
+    """Of an earlier call: they must not look like those of one that was refused."""
+    for name in _FILES:
+        (folder / name).unlink(missing_ok=True)
+
+
+def _outcome(args: argparse.Namespace, subject: Subject) -> Outcome:
+    from workbench.simulation.conformance.verdict import STAGES, discs
+
+    with Progress("fit", STAGES * len(subject.candidates)) as bar:
+        model, measured, verdict = subject.judged(args.outliers, advance=bar.advance)
     command = command_line("conform", args, positional=("source",))
     section = subject.section(model, verdict, command=command)
     refused = subject.refusal(section)
@@ -135,8 +151,7 @@ def _outcome(args: argparse.Namespace, subject: Subject) -> Outcome:
 
 
 def _write(args: argparse.Namespace, subject: Subject, outcome: Outcome, folder: Path) -> None:
-    for name in _FILES:
-        (folder / name).unlink(missing_ok=True)
+    _remove_results(folder)
     if not outcome.refused:
         write_text(folder / "vehicle.toml", outcome.vehicle_text)
     data = json.dumps(plain(_data(subject, outcome)), indent=2, allow_nan=False)

@@ -14,6 +14,7 @@ from workbench.errors import InputError
 if TYPE_CHECKING:
     from workbench.models.vehicle import Vehicle
     from workbench.models.vehicle_sections import Uncertainty
+    from workbench.simulation.conformance.fit import Advance
     from workbench.simulation.conformance.verdict import Verdict
     from workbench.simulation.conformance.windows import Measured, MotionModel, Split
 
@@ -59,22 +60,26 @@ class Subject:
     discs: bool
     disc_error_m: float
 
-    def judged(self, outliers: int) -> tuple[MotionModel, Measured, Verdict]:
+    def judged(self, outliers: int, *, advance: Advance) -> tuple[MotionModel, Measured, Verdict]:
         """The tightest candidate's verdict. Raises NoFitError where none has one."""
-        from workbench.simulation.conformance.fit import NoFitError
+        from workbench.simulation.conformance.fit import NoFitError, fit
         from workbench.simulation.conformance.verdict import judge
 
         found: list[tuple[float, MotionModel, Measured, Verdict]] = []
         failure: NoFitError | None = None
         for _, model, measured in self.candidates:
             try:
-                verdict = judge(
-                    model, measured, self.split, outliers=outliers, most=self.most,
-                    candidates=len(self.candidates),
+                fitted = fit(
+                    model, measured.of(self.split.training), outliers=outliers, most=self.most,
+                    advance=advance,
                 )  # fmt: skip
             except NoFitError as error:
                 failure = error
             else:
+                verdict = judge(
+                    model, measured, self.split, fitted, candidates=len(self.candidates),
+                    advance=advance,
+                )  # fmt: skip
                 found.append((verdict.training.mean_area_m2, model, measured, verdict))
         if failure is not None and not found:
             raise failure

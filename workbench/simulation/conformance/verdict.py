@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, final
 
@@ -15,10 +14,12 @@ from workbench.simulation.conformance.counting import (
 )
 from workbench.simulation.conformance.discs import Disc, Prediction, containing, of_area
 from workbench.simulation.conformance.enclosing import Enclosed, enclose
-from workbench.simulation.conformance.fit import Fit, fit
+from workbench.simulation.conformance.fit import Advance, Fit
 from workbench.simulation.conformance.traces import Traces, traces
 from workbench.simulation.conformance.windows import Measured, MotionModel, Split
 
+STAGES: Final = 5
+"""Of a fit and of what is judged of it, for who waits."""
 _DELTA: Final = 0.05
 
 
@@ -73,20 +74,22 @@ def judge(
     model: MotionModel,
     measured: Measured,
     split: Split,
+    found: Fit,
     *,
-    outliers: int,
-    most: Mapping[str, float],
-    candidates: int = 1,
+    candidates: int,
+    advance: Advance,
 ) -> Verdict:
-    """Fit on `split.training`, test on `split.held_out`.
+    """Test what was found with `split.training` on `split.held_out`.
 
     candidates: models among which the tightest is chosen by the same training windows; the
-    statement's delta is shared among them. most: limits on bounds by key.
+    statement's delta is shared among them. advance: told of the two stages after those of `fit`.
     """
     training, held_out = measured.of(split.training), measured.of(split.held_out)
-    found = fit(model, training, outliers=outliers, most=most)
     tubes = enclose(model, found.uncertainty, held_out)
+    advance(1)
     points = traces(training.without(found.linear.left_out))
+    pointwise = containment(enclose(model, points.uncertainty(), held_out))
+    advance(1)
     return Verdict(
         model,
         found,
@@ -94,15 +97,15 @@ def judge(
         containment(found.enclosed),
         containment(tubes),
         tubes,
-        _stated(model, training, found, discards=outliers > 0, delta=_DELTA / candidates),
+        _stated(model, training, found, delta=_DELTA / candidates),
         points,
         points.kept(held_out),
-        containment(enclose(model, points.uncertainty(), held_out)),
+        pointwise,
     )
 
 
 def _stated(
-    model: MotionModel, training: Measured, found: Fit, *, discards: bool, delta: float
+    model: MotionModel, training: Measured, found: Fit, *, delta: float
 ) -> Statement | None:
     """Wait and judge needs every recording that it does not count as deciding to be contained."""
     if not found.contained:
@@ -115,7 +118,7 @@ def _stated(
     return statement(
         recordings=len(training.recordings) - 1,
         parameters=len(model.fitted),
-        discards=discards,
+        discards=found.linear.outliers > 0,
         supporting=len(deciding - {first}),
         delta=delta,
     )
