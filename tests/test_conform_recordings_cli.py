@@ -67,13 +67,16 @@ def test_a_fit_that_failed_states_nothing(
     recordings = {"r0": drive(4.0, 0.0, seed=0)}
     for k in range(1, 8):
         recordings[f"r{k}"] = drive(4.0, 4.0, seed=k) if k % 2 else sliding_back()
-    assert conform(write(tmp_path / "back", recordings), tmp_path / "out") == 1
+    assert conform(write(tmp_path / "back", recordings), tmp_path / "out", "--plot") == 1
     said = capsys.readouterr().out
     assert "with confidence" not in said
     assert "nothing is stated of further recordings" in said
     assert "3 of 4 recordings leave theirs" in said
     assert said.splitlines()[-1].startswith("the tubes do not contain what they were fitted to")
     assert data(tmp_path / "out")["statement"] is None
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "The tubes do not contain what they were fitted to" in page
+    assert not (tmp_path / "out" / "vehicle.toml").exists()
 
 
 def test_a_window_left_out_that_is_inside_after_all_is_said_to_be(

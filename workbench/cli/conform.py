@@ -225,10 +225,11 @@ def _lines(args: argparse.Namespace, subject: Subject, outcome: Outcome) -> list
     ]
     if outcome.refused:
         lines.append(f"no vehicle.toml: {outcome.refused}")
-    return [*lines, _ending(verdict, args.require)]
+    return [*lines, ending(verdict, args.require)]
 
 
-def _ending(verdict: Verdict, require: float) -> str:
+def ending(verdict: Verdict, require: float) -> str:
+    """Whether the tubes contain what was asked."""
     fitted, share = verdict.training.windows, verdict.held_out.steps.value
     if not verdict.fit.contained:
         return (

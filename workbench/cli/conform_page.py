@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from workbench import __version__
 from workbench.cli.analysis_options import command_line
-from workbench.cli.conform import COUNT_HEADINGS, count_rows, figures, interval_note
+from workbench.cli.conform import COUNT_HEADINGS, count_rows, ending, figures, interval_note
 
 if TYPE_CHECKING:
     from workbench.cli.conform import Outcome
@@ -38,7 +38,11 @@ def write_conform_page(args: argparse.Namespace, subject: Subject, outcome: Outc
               *((each, "") for each in verdict.held_out.by_recording))  # fmt: skip
     report = ConformanceReport(
         f"Tubes against the motion of {subject.source.resolve().name}",
-        (subject.about(verdict), verdict.said),
+        (
+            subject.about(verdict),
+            _sentence(verdict.said),
+            _sentence(ending(verdict, args.require)),
+        ),
         subject.candidates[0][2].times_s,
         _labels(verdict),
         tubes.deviation,
@@ -49,12 +53,16 @@ def write_conform_page(args: argparse.Namespace, subject: Subject, outcome: Outc
         (
             *_NOTES,
             f"In brackets: {interval_note(verdict)}. Windows of one drive resemble each other.",
-            *([f"{outcome.lacking}.".capitalize()] if outcome.lacking else []),
+            *([_sentence(outcome.lacking)] if outcome.lacking else []),
         ),
     )
     command = command_line("conform", args, positional=("source",))
     page = conformance_page(report, version=__version__, command=command)
     write_page(args.out / "report.html", page.html())
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}."
 
 
 def _labels(verdict: Verdict) -> tuple[str, ...]:
