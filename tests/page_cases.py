@@ -136,8 +136,8 @@ def paper(_: Path) -> str:
     panels = [
         Panel(
             "crossing", "Crossing", 1.0, 3.0, way, way[:1] * 2, BOX, 2.0, ((BOX,),) * 3,
-            (Verdict.SAFE, Verdict.UNPROVED, Verdict.INVALID), tracks, "why", (later[:1] * 2,),
-            (later,), ((4.0, 0.0, 0.5),), (3.0, 3.0, 2.0),
+            (Verdict.SAFE, Verdict.UNPROVED, Verdict.INVALID), tracks, "why", (1.0, 0.9, 0.8),
+            (later[:1] * 2,), (later,), ((4.0, 0.0, 0.5),), (3.0, 3.0, 2.0),
         )
         for tracks in (True, False)
     ]  # fmt: skip

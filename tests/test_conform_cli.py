@@ -56,8 +56,9 @@ def test_the_fitted_file_is_taken_by_reach(
     runs = [planted_run(f"run {k}", PLANTED, seed=k, duration_s=4.0) for k in range(4)]
     source = write_runs(tmp_path / "runs", runs)
     assert conform(source, vehicle_file, tmp_path / "out", "--plot") == 0
-    said = capsys.readouterr().out
+    said, progress = capsys.readouterr()
     assert "every other recording by name" in said
+    assert "fit: 100%" in progress
     file = tmp_path / "out" / "vehicle.toml"
     found = load_vehicle(file).uncertainty
     assert 0.0 < found.acceleration_mps2 <= 1.05 * 0.15
@@ -96,6 +97,12 @@ def test_motion_beyond_what_the_vehicle_can_take_gives_no_file(
     assert conform(source, vehicle_file, tmp_path / "out") == 1
     assert "acceleration_mps2 <= 2" in capsys.readouterr().out
     assert not (tmp_path / "out").exists()
+    earlier = tmp_path / "earlier"
+    earlier.mkdir()
+    for name in ("vehicle.toml", "conformance.json", "report.html", "notes.txt"):
+        (earlier / name).write_text("of an earlier call", encoding="utf-8")
+    assert conform(source, vehicle_file, earlier) == 1
+    assert [file.name for file in earlier.iterdir()] == ["notes.txt"]
 
 
 def test_runs_come_back_as_they_were_written(tmp_path: Path) -> None:
@@ -113,7 +120,12 @@ def test_runs_come_back_as_they_were_written(tmp_path: Path) -> None:
     [
         (("--train", "nobody"), "--train: expected recordings with whole windows"),
         (("--train", "a", "b"), "--train: expected to leave recordings"),
-        (("--outliers", "99"), "--outliers: expected fewer"),
+        (("--outliers", "99"), "--outliers: expected a whole number from 0 to 0, fewer than"),
+        (("--outliers", "-1"), "--outliers: expected a whole number from 0 to 0"),
+        (("--require", "-1"), "--require: expected a share from 0 to 1, got -1"),
+        (("--require", "2"), "--require: expected a share from 0 to 1, got 2"),
+        (("--step", "0.0001"), "expected at most 1000 steps in a window"),
+        (("--step", "1e-320"), "expected at most 1000 steps in a window"),
         (("--window", "2.1"), "whole steps"),
     ],
 )
@@ -129,6 +141,17 @@ def test_wrong_use_is_told(
     assert conform(source, vehicle_file, tmp_path / "out", *more) == 2
     assert said in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_the_fit(
+    tmp_path: Path, vehicle_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = planted_run("a", PLANTED, seed=1, duration_s=2.5)
+    source = write_runs(tmp_path / "runs", [run, dataclasses.replace(run, name="b")])
+    assert conform(source, vehicle_file, vehicle_file) == 2
+    said = capsys.readouterr().err
+    assert "expected an output folder" in said
+    assert "fit:" not in said
 
 
 def test_folders_that_hold_nothing_to_fit_to_are_refused(
@@ -149,3 +172,7 @@ def test_the_given_vehicle_file_is_never_replaced(
     assert conform(source, own, tmp_path) == 2
     assert "would be replaced" in capsys.readouterr().err
     assert own.read_bytes() == before
+    beside = source / "vehicle.toml"
+    beside.write_bytes(before)
+    assert conform(source, own, source) == 2
+    assert beside.read_bytes() == before

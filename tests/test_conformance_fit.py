@@ -105,6 +105,23 @@ def test_windows_lie_in_track_throughout() -> None:
     assert len(starts) == 4
 
 
+def test_windows_lie_in_no_gap_of_the_run() -> None:
+    run = planted_run("run 0", PLANTED, seed=0)
+    times = run.column("t")
+    kept = (times <= 3.0) | (times >= 3.5)
+    holed = dataclasses.replace(run, table=run.table[kept], tracking=run.tracking[kept])
+    cut = RunWindows(instants(2.0, 0.2), RunErrors()).of((holed,), model())
+    starts = [window.start_s for window in cut.windows]
+    assert len(starts) == 5
+    assert all(start + 2.0 <= 3.0 or start >= 3.5 for start in starts)
+
+
+def test_times_that_do_not_increase_are_told_as_numbers() -> None:
+    run = planted_run("run 0", PLANTED, seed=0, duration_s=1.0)
+    with pytest.raises(InputError, match=r"got 0\.0 after 0\.05"):
+        dataclasses.replace(run, table=run.table[[1, 0]], tracking=run.tracking[:2])
+
+
 def test_pointwise_figures_do_not_depend_on_what_is_fitted() -> None:
     every = TrackLoop(model().vehicle, ("lateral_m", "heading_rad", "speed_mps", *W))
     run = planted_run("run 0", PLANTED, seed=0)

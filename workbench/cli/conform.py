@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, final
 
 from workbench.cli.analysis_options import command_line, number, positive, text_table
 from workbench.cli.common import add_output_option, add_vehicle_option, output_folder, write_text
-from workbench.cli.output import emit, plain
+from workbench.cli.output import Progress, emit, plain
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,11 +35,13 @@ _FILES: Final = ("vehicle.toml", "conformance.json", "report.html")
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What came out: the verdict, discs beside it, and the section; refused: why no vehicle file
-    is written (empty: it is), with vehicle_text."""
+    """What came out: the verdict, discs beside it with which of them are lacking and why (empty:
+    none), and the section; refused: why no vehicle file is written (empty: it is), with
+    vehicle_text."""
 
     verdict: Verdict
     discs: tuple[DiscResult, ...]
+    lacking: str
     section: Uncertainty
     refused: str
     vehicle_text: str
@@ -50,7 +52,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source", type=Path, metavar="SOURCE",
         help="folder of closed-loop runs (runs.csv, paths.csv) or of recordings "
-        "(vehicles.csv, shapes.csv)",
+        "(vehicles.csv, shapes.csv, peds.csv)",
     )  # fmt: skip
     add_vehicle_option(parser)
     add_output_option(parser, default="out/conformance")
@@ -95,33 +97,53 @@ def run(args: argparse.Namespace) -> int:
     from workbench.cli.main import CLAIM_FAILS, DONE
     from workbench.simulation.conformance.fit import NoFitError
 
-    subject = chosen_subject(args)
-    if subject.vehicle_file.resolve() == (args.out / "vehicle.toml").resolve():
-        raise InputError(
-            f"--out: expected another folder than the vehicle file's, got {args.out}; its "
-            "vehicle.toml would be replaced"
-        )
+    if not 0.0 <= args.require <= 1.0:
+        raise InputError(f"--require: expected a share from 0 to 1, got {args.require:g}")
     try:
-        outcome = _outcome(args, subject)
+        with output_folder(args.out) as folder:
+            subject = chosen_subject(args)
+            _keep_inputs(args, subject)
+            outcome = _outcome(args, subject)
+            _write(args, subject, outcome, folder)
     except NoFitError as error:
+        _remove_results(args.out)
         emit(args, str(error), {"refused": str(error)})
         return CLAIM_FAILS
-    with output_folder(args.out) as folder:
-        _write(args, subject, outcome, folder)
     emit(args, "\n".join(_lines(args, subject, outcome)), _data(subject, outcome))
     return DONE if outcome.verdict.reached(args.require) and not outcome.refused else CLAIM_FAILS
 
 
-def _outcome(args: argparse.Namespace, subject: Subject) -> Outcome:
-    from workbench.simulation.conformance.verdict import discs
+def _keep_inputs(args: argparse.Namespace, subject: Subject) -> None:
+    """Raise InputError where a vehicle.toml that was given, or lies beside the runs, would go."""
+    given = {file.resolve() for file in (subject.vehicle_file, subject.source / "vehicle.toml")}
+    if (args.out / "vehicle.toml").resolve() in given:
+        raise InputError(
+            "--out: expected another folder than SOURCE and the vehicle file's, got "
+            f"{args.out}; its vehicle.toml would be replaced"
+        )
 
-    model, measured, verdict = subject.judged(args.outliers)
+
+def _remove_results(folder: Path) -> None:
+    """Of an earlier call: they must not look like those of one that was refused."""
+    for name in _FILES:
+        (folder / name).unlink(missing_ok=True)
+
+
+def _outcome(args: argparse.Namespace, subject: Subject) -> Outcome:
+    from workbench.simulation.conformance.verdict import STAGES, discs
+
+    with Progress("fit", STAGES * len(subject.candidates)) as bar:
+        model, measured, verdict = subject.judged(args.outliers, advance=bar.advance)
     command = command_line("conform", args, positional=("source",))
     section = subject.section(model, verdict, command=command)
     refused = subject.refusal(section)
+    beside, lacking = (
+        discs(measured, verdict, error_m=subject.disc_error_m) if subject.discs else ((), "")
+    )
     return Outcome(
         verdict,
-        discs(measured, verdict, error_m=subject.disc_error_m) if subject.discs else (),
+        beside,
+        lacking,
         section,
         refused if verdict.fit.contained else "the tubes do not contain the windows fitted to",
         "" if refused else subject.vehicle_text(section),
@@ -129,8 +151,7 @@ def _outcome(args: argparse.Namespace, subject: Subject) -> Outcome:
 
 
 def _write(args: argparse.Namespace, subject: Subject, outcome: Outcome, folder: Path) -> None:
-    for name in _FILES:
-        (folder / name).unlink(missing_ok=True)
+    _remove_results(folder)
     if not outcome.refused:
         write_text(folder / "vehicle.toml", outcome.vehicle_text)
     data = json.dumps(plain(_data(subject, outcome)), indent=2, allow_nan=False)
@@ -172,6 +193,19 @@ def count_rows(outcome: Outcome) -> list[list[str | int | float | None]]:
 COUNT_HEADINGS: Final = ["what", "steps", "windows", "recordings", "mean area (m2)"]
 
 
+def interval_note(verdict: Verdict) -> str:
+    """What the intervals count."""
+    of = {"fitted to": verdict.training, "others": verdict.held_out}
+    worth = ", ".join(
+        f"{found.windows.trials:.3g} for the {found.recordings.of} {name}"
+        for name, found in of.items()
+    )
+    return (
+        "95 % intervals (Clopper and Pearson); steps and windows count as so many trials as "
+        f"recordings of these lengths are worth (Kish): {worth}"
+    )
+
+
 def _lines(args: argparse.Namespace, subject: Subject, outcome: Outcome) -> list[str]:
     verdict, points = outcome.verdict, outcome.verdict.pointwise
     lines = [
@@ -180,9 +214,10 @@ def _lines(args: argparse.Namespace, subject: Subject, outcome: Outcome) -> list
         text_table(["key", "bound"], figures(outcome.section)),
         "",
         text_table(COUNT_HEADINGS, count_rows(outcome)),
-        "[ , ]: 95 % intervals (Clopper and Pearson) that count each recording as one trial",
+        f"[ , ]: {interval_note(verdict)}",
+        *([outcome.lacking] if outcome.lacking else []),
         "",
-        str(verdict.stated),
+        verdict.said,
         "pointwise, at every instant of the windows fitted to: acceleration "
         f"{_shown(points.acceleration_mps2)} m/s^2, steering rate "
         f"{_shown(points.steering_rate_radps)} rad/s, sideways {_shown(points.sideways_mps)} m/s; "
@@ -190,12 +225,22 @@ def _lines(args: argparse.Namespace, subject: Subject, outcome: Outcome) -> list
     ]
     if outcome.refused:
         lines.append(f"no vehicle.toml: {outcome.refused}")
-    found = verdict.held_out.steps.value
-    lines.append(
-        f"the tubes contain {found:.2%} of the steps of other recordings, "
-        f"{'as' if verdict.reached(args.require) else 'less than'} asked ({args.require:.2%})"
+    return [*lines, ending(verdict, args.require)]
+
+
+def ending(verdict: Verdict, require: float) -> str:
+    """Whether the tubes contain what was asked."""
+    fitted, share = verdict.training.windows, verdict.held_out.steps.value
+    if not verdict.fit.contained:
+        return (
+            f"the tubes do not contain what they were fitted to: {fitted.of - fitted.inside} of "
+            f"{fitted.of} windows leave theirs ({share:.2%} of the other recordings' steps are "
+            "inside)"
+        )
+    return (
+        f"the tubes contain {share:.2%} of the steps of other recordings, "
+        f"{'as' if verdict.reached(require) else 'less than'} asked ({require:.2%})"
     )
-    return lines
 
 
 def _shown(value: float | None) -> str:
@@ -220,4 +265,5 @@ def _data(subject: Subject, outcome: Outcome) -> dict[str, object]:
         "pointwise_share_held_out": verdict.pointwise_share,
         "pointwise_tubes_held_out": verdict.pointwise_tubes,
         "discs": outcome.discs,
+        "discs_lacking": outcome.lacking or None,
     }

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from workbench import __version__
 from workbench.cli.analysis_options import command_line
-from workbench.cli.conform import COUNT_HEADINGS, count_rows, figures
+from workbench.cli.conform import COUNT_HEADINGS, count_rows, ending, figures, interval_note
 
 if TYPE_CHECKING:
     from workbench.cli.conform import Outcome
@@ -20,8 +20,7 @@ _NOTES: Final = (
     "linear program on half widths to first order, then all bounds times one factor until proved "
     "tubes contain these windows. Containment of the measured motion is found by comparing, not "
     "proved: other motion of the same car may leave the tubes.",
-    "Only instants are compared. Intervals in brackets count each recording as one trial, however "
-    "many windows it has, because windows of one drive resemble each other.",
+    "Only instants are compared.",
     "Containment says little without the area: a tube over the whole street contains everything.",
 )
 
@@ -39,7 +38,11 @@ def write_conform_page(args: argparse.Namespace, subject: Subject, outcome: Outc
               *((each, "") for each in verdict.held_out.by_recording))  # fmt: skip
     report = ConformanceReport(
         f"Tubes against the motion of {subject.source.resolve().name}",
-        (subject.about(verdict), str(verdict.stated)),
+        (
+            subject.about(verdict),
+            _sentence(verdict.said),
+            _sentence(ending(verdict, args.require)),
+        ),
         subject.candidates[0][2].times_s,
         _labels(verdict),
         tubes.deviation,
@@ -47,11 +50,19 @@ def write_conform_page(args: argparse.Namespace, subject: Subject, outcome: Outc
         tuple(each.recording + mark for each, mark in counts),
         np.array([each.windows_inside / each.windows for each, _ in counts]),
         _tables(outcome),
-        _NOTES,
+        (
+            *_NOTES,
+            f"In brackets: {interval_note(verdict)}. Windows of one drive resemble each other.",
+            *([_sentence(outcome.lacking)] if outcome.lacking else []),
+        ),
     )
     command = command_line("conform", args, positional=("source",))
     page = conformance_page(report, version=__version__, command=command)
     write_page(args.out / "report.html", page.html())
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}."
 
 
 def _labels(verdict: Verdict) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from workbench.errors import InputError
 if TYPE_CHECKING:
     from workbench.models.vehicle import Vehicle
     from workbench.models.vehicle_sections import Uncertainty
+    from workbench.simulation.conformance.fit import Advance
     from workbench.simulation.conformance.verdict import Verdict
     from workbench.simulation.conformance.windows import Measured, MotionModel, Split
 
@@ -23,6 +24,20 @@ _N: Final = ("lateral_m", "heading_rad", "speed_mps")
 _MOST_WHEELBASE: Final = 0.25
 # What no car does: bounds beyond these explain a defect of the measurement, not motion.
 _MOST_OF_A_CAR: Final = {"acceleration_mps2": 10.0, "steering_rate_radps": 2.0}
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A window that the fit did without; inside: whether its real tube contains it after all."""
+
+    recording: str
+    start_s: float
+    inside: bool
+
+    def __str__(self) -> str:
+        after_all = " (inside its tube after all)" if self.inside else ""
+        return f"{self.recording} from {self.start_s:g} s{after_all}"
 
 
 @final
@@ -45,22 +60,26 @@ class Subject:
     discs: bool
     disc_error_m: float
 
-    def judged(self, outliers: int) -> tuple[MotionModel, Measured, Verdict]:
+    def judged(self, outliers: int, *, advance: Advance) -> tuple[MotionModel, Measured, Verdict]:
         """The tightest candidate's verdict. Raises NoFitError where none has one."""
-        from workbench.simulation.conformance.fit import NoFitError
+        from workbench.simulation.conformance.fit import NoFitError, fit
         from workbench.simulation.conformance.verdict import judge
 
         found: list[tuple[float, MotionModel, Measured, Verdict]] = []
         failure: NoFitError | None = None
         for _, model, measured in self.candidates:
             try:
-                verdict = judge(
-                    model, measured, self.split, outliers=outliers, most=self.most,
-                    candidates=len(self.candidates),
+                fitted = fit(
+                    model, measured.of(self.split.training), outliers=outliers, most=self.most,
+                    advance=advance,
                 )  # fmt: skip
             except NoFitError as error:
                 failure = error
             else:
+                verdict = judge(
+                    model, measured, self.split, fitted, candidates=len(self.candidates),
+                    advance=advance,
+                )  # fmt: skip
                 found.append((verdict.training.mean_area_m2, model, measured, verdict))
         if failure is not None and not found:
             raise failure
@@ -79,21 +98,25 @@ class Subject:
             f"Fitted to {training.windows.of} windows of {training.recordings.of} recordings, "
             f"tested on {held_out.windows.of} windows of {held_out.recordings.of} others "
             f"({self.split.rule}). Windows left out: "
-            + (", ".join(f"{name} from {start:g} s" for name, start in left_out) or "none")
+            + (", ".join(map(str, left_out)) or "none")
             + f". Bounds to first order times {verdict.fit.inflation:.3g}."
         )
 
-    def left_out(self, verdict: Verdict) -> list[tuple[str, float]]:
-        """Recording and beginning of each window left out."""
+    def left_out(self, verdict: Verdict) -> list[LeftOut]:
+        """Each window that was left out."""
         measured = next(m for _, model, m in self.candidates if model is verdict.model)
         windows = measured.of(self.split.training).windows
-        return [(windows[k].recording, windows[k].start_s) for k in verdict.fit.linear.left_out]
+        found = verdict.fit
+        return [
+            LeftOut(windows[k].recording, windows[k].start_s, k in found.inside_after_all)
+            for k in found.linear.left_out
+        ]
 
     def section(self, model: MotionModel, verdict: Verdict, *, command: str) -> Uncertainty:
         """The vehicle file's section with the fitted figures."""
         found = {key: getattr(verdict.fit.uncertainty, key) for key in model.fitted}
         text = "\n".join(
-            [self.about(verdict), f"{_held_out(verdict)} Statement: {verdict.stated}.",
+            [self.about(verdict), f"{_held_out(verdict)} Statement: {verdict.said}.",
              f"Made by `{command}`."]
         )  # fmt: skip
         return dataclasses.replace(self.vehicle.uncertainty, **found, provenance=text)

@@ -55,10 +55,11 @@ _TABLE_2: Final = (
     "of all of a car that is not the model. What it contains it owes to its width; compare the "
     "areas.",
     "Windows overlap and those of one drive are alike. The first interval (Clopper and Pearson) "
-    "counts each run as one trial, however many windows it has; the second draws runs anew and "
-    "has no width where all runs agree. Containment says nothing without the area: a tube over the "
-    "whole street contains everything. An area with a share of rows behind it is of tubes that "
-    "ended early, without their last and widest rows: a tube to T would be wider.",
+    "counts runs, not windows (as many trials as runs of these lengths are worth, by Kish's "
+    "formula); the second draws runs anew and has no width where all runs agree. Containment "
+    "says nothing without the area: a tube over the whole street contains everything. An area "
+    "with a share of rows behind it is of tubes that ended early, without their last and widest "
+    "rows: a tube to T would be wider.",
 )
 
 

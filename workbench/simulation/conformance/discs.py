@@ -62,7 +62,8 @@ def of_area(
 
     if not (math.isfinite(mean_area_m2) and excess(0.0) < 0.0):
         raise InputError(
-            f"expected a mean area above that of a disc of {error_m} m, got {mean_area_m2!r} m^2"
+            f"expected a mean area above that of a disc of {error_m:.3g} m, got {mean_area_m2:.3g} "
+            "m^2"
         )
     most = 1.0
     while excess(most) < 0.0:

@@ -54,7 +54,7 @@ class DrivenRun:
         if late.size:
             raise InputError(
                 f"run {self.name!r}: expected times that increase, got "
-                f"{self.table[late[0] + 1, 0]!r} after {self.table[late[0], 0]!r}; sort its rows"
+                f"{self.table[late[0] + 1, 0]} after {self.table[late[0], 0]}; sort its rows"
             )
 
     def column(self, name: str) -> Array:

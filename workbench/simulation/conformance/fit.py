@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, final
 
@@ -17,6 +17,9 @@ from workbench.simulation.conformance.enclosing import Enclosed, enclose
 from workbench.simulation.conformance.first_order import FirstOrder, first_order
 from workbench.simulation.conformance.windows import Array, Measured, MotionModel
 
+Advance = Callable[[int], None]
+"""Told of so many stages that are done, for who waits."""
+
 INFLATION_STEP: Final = 1.02
 _MOST_STEPS: Final = 150
 _NOTHING: Final = 1e-6
@@ -28,7 +31,7 @@ _LEAST_COST: Final = 1e-6
 
 @final
 class NoFitError(InputError):
-    """No bounds within the limits contain the windows, even to first order."""
+    """No bounds within the limits contain the windows to first order."""
 
 
 @final
@@ -37,11 +40,13 @@ class LinearFit:
     """The program's answer.
 
     bounds (p,): in the order of the model's `fitted`; left_out: places of the windows that need not
-    be contained; deciding: places of the windows whose constraints had a multiplier at any time.
+    be contained; outliers: so many might have been left out; deciding: places of the windows whose
+    constraints had a multiplier at any time.
     """
 
     bounds: Array
     left_out: tuple[int, ...]
+    outliers: int
     deciding: tuple[int, ...]
 
 
@@ -62,6 +67,11 @@ class Fit:
     enclosed: Enclosed
     contained: bool
 
+    @property
+    def inside_after_all(self) -> tuple[int, ...]:
+        """Places of the windows that were left out and that the real tubes contain."""
+        return tuple(place for place in self.linear.left_out if self.enclosed.whole[place])
+
 
 def linear_fit(
     model: MotionModel, measured: Measured, *, outliers: int, most: Mapping[str, float]
@@ -79,8 +89,8 @@ def linear_fit(
         raise InputError("expected windows of measured motion to fit to, got none")
     if not 0 <= outliers < len(measured.windows):
         raise InputError(
-            f"--outliers: expected fewer than the {len(measured.windows)} training windows, got "
-            f"{outliers}"
+            f"--outliers: expected a whole number from 0 to {len(measured.windows) - 1}, fewer "
+            f"than the training windows, got {outliers}"
         )
     linear = first_order(model, measured)
     limits = np.array([most.get(name, np.inf) for name in model.fitted])
@@ -96,7 +106,7 @@ def linear_fit(
         bounds, caused = _solve(linear, costs, limits=allowed, left_out=left_out, model=model)
         deciding |= {int(place) for place in np.flatnonzero(caused)}
         if last or caused.max() <= 0.0:
-            return LinearFit(bounds, tuple(left_out), tuple(sorted(deciding)))
+            return LinearFit(bounds, tuple(left_out), outliers, tuple(sorted(deciding)))
         left_out.append(int(np.argmax(caused)))
 
 
@@ -137,37 +147,47 @@ def _impossible(model: MotionModel, limits: Array) -> str:
         if np.isfinite(limit)
     ]
     return (
-        "no bounds contain the training windows even to first order"
+        "to first order no bounds contain the training windows"
         + (f" with {', '.join(named)}" if named else "")
         + "; the motion is not that of this model, the stated errors of the beginnings are "
-        "too small, or a window holds a defect of the measurement (leave it out: --outliers)"
+        "too small, or a window holds a defect of the measurement or lies near standstill, where "
+        "the first order is not what real tubes do (leave it out with --outliers: it is checked "
+        "against the real tubes)"
     )
 
 
-def fit(model: MotionModel, measured: Measured, *, outliers: int, most: Mapping[str, float]) -> Fit:
+def fit(
+    model: MotionModel, measured: Measured, *, outliers: int, most: Mapping[str, float],
+    advance: Advance = lambda _: None,
+) -> Fit:  # fmt: skip
     """`linear_fit`, then all bounds times the least power of `INFLATION_STEP` that suffices.
 
     Sufficient: real tubes contain every window that was not left out. It is one factor, so that one
     recording decides it. A window inside under smaller bounds is taken to stay inside under larger
     ones while the factor is sought; all windows are judged once more with the bounds found. Where
-    no factor is found, `contained` is False and the bounds are those of the program.
+    no factor is found, `contained` is False and the bounds are those of the program. advance: told
+    of each of the three stages, and 0 between them.
     """
     linear = linear_fit(model, measured, outliers=outliers, most=most)
+    advance(1)
     kept = measured.without(linear.left_out)
-    power, deciding = _least_power(model, kept, linear)
+    power, deciding = _least_power(model, kept, linear, advance)
+    advance(1)
     uncertainty = scaled(model, linear.bounds, INFLATION_STEP**power)
     enclosed = enclose(model, uncertainty, measured)
+    advance(1)
     required = np.delete(enclosed.whole, linear.left_out)
     return Fit(linear, INFLATION_STEP**power, deciding, uncertainty, enclosed, bool(required.all()))
 
 
 def _least_power(
-    model: MotionModel, measured: Measured, linear: LinearFit
+    model: MotionModel, measured: Measured, linear: LinearFit, advance: Advance
 ) -> tuple[int, str | None]:
     """The power, 0 where none suffices, and whose window is outside at the one before."""
 
     def outside(power: int, windows: Measured) -> Measured:
         enclosed = enclose(model, scaled(model, linear.bounds, INFLATION_STEP**power), windows)
+        advance(0)
         return windows.without([int(place) for place in np.flatnonzero(enclosed.whole)])
 
     low, step = 0, 1

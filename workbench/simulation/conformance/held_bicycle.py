@@ -20,7 +20,7 @@ from workbench.models.signals import Ranged, Signal
 from workbench.models.system import Ode
 from workbench.models.vehicle_sections import Uncertainty
 from workbench.sets import Box
-from workbench.simulation.conformance.windows import Array, Measured, Window
+from workbench.simulation.conformance.windows import LONGEST_GAP_S, Array, Measured, Window
 from workbench.simulation.recording import Recording
 
 STEERING_LIMIT_RAD: Final = 0.6
@@ -29,8 +29,6 @@ _LEAST_SPEED_MPS: Final = 0.1
 _CREEP_MPS: Final = 1e-3
 # Below it the steering angle that follows from the yaw rate is noise.
 _STEERS_MPS: Final = 1.0
-# Position, speed and heading of the same instant are of samples at most this far apart.
-_LONGEST_GAP_S: Final = 0.25
 
 
 @final
@@ -150,7 +148,7 @@ class DriveWindows:
             if end >= len(times):
                 return
             part = table[place : end + 1]
-            whole = np.diff(part[:, 0]).max(initial=0.0) <= _LONGEST_GAP_S
+            whole = np.diff(part[:, 0]).max(initial=0.0) <= LONGEST_GAP_S
             if whole and part[:, 4].max() <= self.speed_max_mps:
                 yield self._window(recording, part)
                 place = end

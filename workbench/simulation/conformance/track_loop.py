@@ -21,7 +21,13 @@ from workbench.models.vehicle_sections import Uncertainty
 from workbench.sets import Box
 from workbench.simulation.conformance.driven_runs import DrivenRun
 from workbench.simulation.conformance.first_order import one_step
-from workbench.simulation.conformance.windows import SIGNALS, Array, Measured, Window
+from workbench.simulation.conformance.windows import (
+    LONGEST_GAP_S,
+    SIGNALS,
+    Array,
+    Measured,
+    Window,
+)
 
 _OUTPUTS: Final = ("station", "offset", "steering", "speed", "heading_error")
 _STATES: Final = (*_OUTPUTS, "speed_integral", "offset_integral")
@@ -121,7 +127,7 @@ def _with_curve(ode: Ode) -> Ode:
 @final
 @dataclass(frozen=True, slots=True)
 class RunWindows:
-    """How windows are cut from runs: disjoint, TRACK throughout."""
+    """How windows are cut from runs: disjoint, TRACK throughout, without gaps."""
 
     times_s: Array
     errors: RunErrors
@@ -139,10 +145,10 @@ class RunWindows:
             end = int(np.searchsorted(times, times[place] + length - 1e-9))
             if end >= len(times):
                 return
-            if run.tracking[place : end + 1].all():
-                yield self._window(
-                    run, path, states[place : end + 1], times[place : end + 1], model
-                )
+            part = slice(place, end + 1)
+            whole = np.diff(times[part]).max(initial=0.0) <= LONGEST_GAP_S
+            if whole and run.tracking[part].all():
+                yield self._window(run, path, states[part], times[part], model)
                 place = end
             else:
                 place += 1

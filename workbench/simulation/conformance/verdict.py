@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
 from dataclasses import dataclass
 from typing import Final, final
 
@@ -14,10 +14,12 @@ from workbench.simulation.conformance.counting import (
 )
 from workbench.simulation.conformance.discs import Disc, Prediction, containing, of_area
 from workbench.simulation.conformance.enclosing import Enclosed, enclose
-from workbench.simulation.conformance.fit import Fit, fit
+from workbench.simulation.conformance.fit import Advance, Fit
 from workbench.simulation.conformance.traces import Traces, traces
 from workbench.simulation.conformance.windows import Measured, MotionModel, Split
 
+STAGES: Final = 5
+"""Of a fit and of what is judged of it, for who waits."""
 _DELTA: Final = 0.05
 
 
@@ -27,8 +29,9 @@ class Verdict:
     """One fit and how it fares.
 
     training, held_out: containment by real tubes; held_out_tubes: the tubes behind it; stated: what
-    the training recordings support for a further one; pointwise: the stronger alternative, with
-    the share of held-out steps within it and the tubes that it makes of the held-out windows.
+    the training recordings support for a further one, None where the tubes do not contain all
+    windows that were not left out; pointwise: the stronger alternative, with the share of held-out
+    steps within it and the tubes that it makes of the held-out windows.
     """
 
     model: MotionModel
@@ -37,7 +40,7 @@ class Verdict:
     training: Containment
     held_out: Containment
     held_out_tubes: Enclosed
-    stated: Statement
+    stated: Statement | None
     pointwise: Traces
     pointwise_share: float | None
     pointwise_tubes: Containment
@@ -45,6 +48,15 @@ class Verdict:
     def reached(self, share: float) -> bool:
         """Are all training windows contained, and this share of the held-out steps?"""
         return self.fit.contained and self.held_out.steps.value >= share
+
+    @property
+    def said(self) -> str:
+        """The statement, or why there is none."""
+        whole = self.training.recordings
+        return str(self.stated or (
+            "nothing is stated of further recordings: that takes tubes that contain all windows "
+            f"fitted to, and {whole.of - whole.inside} of {whole.of} recordings leave theirs"
+        ))  # fmt: skip
 
 
 @final
@@ -62,20 +74,22 @@ def judge(
     model: MotionModel,
     measured: Measured,
     split: Split,
+    found: Fit,
     *,
-    outliers: int,
-    most: Mapping[str, float],
-    candidates: int = 1,
+    candidates: int,
+    advance: Advance,
 ) -> Verdict:
-    """Fit on `split.training`, test on `split.held_out`.
+    """Test what was found with `split.training` on `split.held_out`.
 
     candidates: models among which the tightest is chosen by the same training windows; the
-    statement's delta is shared among them. most: limits on bounds by key.
+    statement's delta is shared among them. advance: told of the two stages after those of `fit`.
     """
     training, held_out = measured.of(split.training), measured.of(split.held_out)
-    found = fit(model, training, outliers=outliers, most=most)
     tubes = enclose(model, found.uncertainty, held_out)
-    points = traces(training)
+    advance(1)
+    points = traces(training.without(found.linear.left_out))
+    pointwise = containment(enclose(model, points.uncertainty(), held_out))
+    advance(1)
     return Verdict(
         model,
         found,
@@ -83,45 +97,56 @@ def judge(
         containment(found.enclosed),
         containment(tubes),
         tubes,
-        _stated(model, training, found, candidates),
+        _stated(model, training, found, delta=_DELTA / candidates),
         points,
         points.kept(held_out),
-        containment(enclose(model, points.uncertainty(), held_out)),
+        pointwise,
     )
 
 
-def _stated(model: MotionModel, training: Measured, found: Fit, candidates: int) -> Statement:
+def _stated(
+    model: MotionModel, training: Measured, found: Fit, *, delta: float
+) -> Statement | None:
+    """Wait and judge needs every recording that it does not count as deciding to be contained."""
+    if not found.contained:
+        return None
     owners = [window.recording for window in training.windows]
     first = training.recordings[0]
-    out = {owners[place] for place in found.linear.left_out} - {first}
-    deciding = {owners[place] for place in found.linear.deciding} | out
+    deciding = {owners[place] for place in (*found.linear.deciding, *found.linear.left_out)}
     if found.deciding is not None:
         deciding.add(found.deciding)
     return statement(
         recordings=len(training.recordings) - 1,
         parameters=len(model.fitted),
-        left_out=len(out),
+        discards=found.linear.outliers > 0,
         supporting=len(deciding - {first}),
-        delta=_DELTA / candidates,
+        delta=delta,
     )
 
 
-def discs(measured: Measured, verdict: Verdict, *, error_m: float) -> tuple[DiscResult, ...]:
-    """Discs as large as the tubes of the held-out windows, and such that contain all training
-    windows."""
-    training = measured.of(verdict.split.training)
+def discs(
+    measured: Measured, verdict: Verdict, *, error_m: float
+) -> tuple[tuple[DiscResult, ...], str]:
+    """Discs as large as the tubes of the held-out windows, and such that contain the training
+    windows that were not left out; and why there is none of the former (empty: there is)."""
+    training = measured.of(verdict.split.training).without(verdict.fit.linear.left_out)
     held_out = measured.of(verdict.split.held_out)
-    area = verdict.held_out.mean_area_m2
+    area, least = verdict.held_out.mean_area_m2, math.pi * error_m**2
     results = []
     for prediction in Prediction:
-        for kind, disc in (
-            ("of the tubes' mean area", of_area(
+        found = {}
+        if area > least:
+            found["of the tubes' mean area"] = of_area(
                 prediction, held_out, error_m=error_m, mean_area_m2=area
-            )),
-            ("that contains the training windows", containing(
-                prediction, training, error_m=error_m
-            )),
-        ):  # fmt: skip
+            )
+        found["that contains the windows fitted to"] = containing(
+            prediction, training, error_m=error_m
+        )
+        for kind, disc in found.items():
             counts = containment(disc.enclosed(held_out))
             results.append(DiscResult(kind, disc, disc.area_m2(held_out.times_s), counts))
-    return tuple(results)
+    lacking = "" if area > least else (
+        f"no disc has the tubes' mean area: they take {area:.3g} m^2, and a disc {least:.3g} m^2 "
+        f"at the beginning already, where the position is known to {error_m:.3g} m"
+    )  # fmt: skip
+    return tuple(results), lacking

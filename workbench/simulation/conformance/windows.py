@@ -16,6 +16,11 @@ from workbench.sets import Box
 
 Array = NDArray[np.float64]
 
+_MOST_STEPS: Final = 1000
+
+LONGEST_GAP_S: Final = 0.25
+"""Between the samples of a window at most: farther apart, motion between them is not measured."""
+
 SIGNALS: Final = {
     "lateral_m": "position_error_lateral",
     "heading_rad": "heading_estimate_error",
@@ -115,8 +120,9 @@ def alternating(names: Sequence[str]) -> Split:
     ordered = sorted(names)
     if len(ordered) < 2:
         raise InputError(
-            f"expected at least two recordings with whole windows, got {len(ordered)}; one to fit "
-            "and one to test on is the least, add recordings or shorten --window"
+            f"expected at least two recordings with whole windows (no {LONGEST_GAP_S:g} s between "
+            f"samples), got {len(ordered)}; one to fit and one to test on is the least, add "
+            "recordings or shorten --window"
         )
     rule = "every other recording by name, beginning with the first, is fitted to"
     return Split(rule, tuple(ordered[::2]), tuple(ordered[1::2]))
@@ -137,7 +143,13 @@ def named(names: Sequence[str], training: Sequence[str]) -> Split:
 
 
 def instants(window_s: float, step_s: float) -> Array:
-    """0, step, ..., window; raises InputError unless it is a whole number of steps."""
+    """0, step, ..., window; raises InputError unless it is a whole number of steps, not too many
+    for the fit to end."""
+    if window_s / step_s > _MOST_STEPS:
+        raise InputError(
+            f"expected at most {_MOST_STEPS} steps in a window, got --window {window_s:g} / --step "
+            f"{step_s:g} = {window_s / step_s:.3g}; give a longer step"
+        )
     steps = round(window_s / step_s)
     if steps < 1 or abs(steps * step_s - window_s) > 1e-9 * window_s:
         raise InputError(

@@ -136,7 +136,7 @@ class Cell:
     """One cell of the table: tubes of one nested set up to T.
 
     steps: instants under TRACK; windows: whole trajectories, those of T under TRACK; each with an
-    interval that counts a run as one trial (`Share`), and one by drawing runs anew (`..._drawn`);
+    interval that counts runs, not steps (`Share`), and one by drawing runs anew (`..._drawn`);
     None where there is no such window. outside: instants at which the tube had not ended and did
     not contain the car; the others that it did not contain are those it did not reach. censored:
     windows that BRAKE, or the run's end, cut short of
@@ -169,15 +169,15 @@ def cell(runs: Sequence[RunTubes], *, horizon_s: float, starts: Starts) -> Cell 
         return None
     of = {name: counts[:, k] for k, name in enumerate(_COUNTED)}
     inside, steps, whole, complete = (of[name] for name in _COUNTED[:4])
-    trials = int((complete > 0.0).sum())
+    lengths = [int(count) for count in complete if count]
     rows = of["rows"].sum()
     return Cell(
         horizon_s,
         len(counts),
-        clustered(int(inside.sum()), int(steps.sum()), recordings=len(counts)),
+        clustered(int(inside.sum()), sizes=[int(count) for count in steps]),
         drawn_again(inside, steps),
         int(of["outside"].sum()),
-        clustered(int(whole.sum()), int(complete.sum()), recordings=trials) if trials else None,
+        clustered(int(whole.sum()), sizes=lengths) if lengths else None,
         drawn_again(whole, complete),
         int(of["windows"].sum()),
         int(of["windows"].sum() - complete.sum()),
