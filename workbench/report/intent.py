@@ -143,8 +143,8 @@ def person_figure(person: PersonPicture) -> Figure:
         Key("none of the goals", INK, "2 3"),
     )  # fmt: skip
     caption = (
-        f"{person.title}. Left: discs are the goals with their spread; the ways start at the last "
-        f"measurement at {at_s:.1f} s and know nothing later. Right: what was answered after each "
+        f"{person.title}. First: discs are the goals with their spread; the ways start at the last "
+        f"measurement at {at_s:.1f} s and know nothing later. Second: what was answered after each "
         f"measurement; the vertical line is {at_s:.1f} s. The coloured lines sum to 1; the dotted "
         "one is the filter's doubt that the goal is known at all."
     )

@@ -75,8 +75,8 @@ def intent_figure(person: PersonPicture) -> Figure:
     )  # fmt: skip
     at_s = person.t_s[person.drawn]
     caption = (
-        f"{person.title}: measured at 5 Hz with errors of {_NOISE_M:g} m. Left: the ways predicted "
-        f"at {at_s:.1f} s, {_AFTER_S:g} s after the change of mind; right: the answers after each "
+        f"{person.title}: measured at 5 Hz with errors of {_NOISE_M:g} m. First: the ways predicted "
+        f"at {at_s:.1f} s, {_AFTER_S:g} s after the change of mind; second: the answers after each "
         "measurement."
     )
     return Figure(panels, _legend(person), caption, answers_table(person))

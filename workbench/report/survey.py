@@ -117,7 +117,7 @@ def share_figure(report: SurveyReport) -> Figure:
         for height in (_height_in(report.bars),)
     )
     caption = (
-        "Left: share of the time at standstill. Right: share of runs with an avoidable contact."
+        "First: share of the time at standstill. Second: share of runs with an avoidable contact."
     )
     return Figure(panels, _legend(report.bars), caption)
 
