@@ -75,9 +75,9 @@ def intent_figure(person: PersonPicture) -> Figure:
     )  # fmt: skip
     at_s = person.t_s[person.drawn]
     caption = (
-        f"{person.title}: measured at 5 Hz with errors of {_NOISE_M:g} m. First: the ways predicted "
-        f"at {at_s:.1f} s, {_AFTER_S:g} s after the change of mind; second: the answers after each "
-        "measurement."
+        f"{person.title}: measured at 5 Hz with errors of {_NOISE_M:g} m. First: the ways "
+        f"predicted at {at_s:.1f} s, {_AFTER_S:g} s after the change of mind; second: the answers "
+        "after each measurement."
     )
     return Figure(panels, _legend(person), caption, answers_table(person))
 
