@@ -138,6 +138,43 @@ def test_braking_for_who_stands_beside_the_way_is_needless(bundle: Path, tmp_pat
     assert "<td>needed</td>" not in page
 
 
+def test_a_fault_without_decisions_is_on_the_page_and_in_the_log(
+    bundle: Path, tmp_path: Path
+) -> None:
+    lost = '[[sensing.dropouts]]\nwhat = "localisation"\nfrom_s = 4.0\nuntil_s = 6.0'
+    file = written(tmp_path, "any", passed=30.0, more=lost)
+    out = tmp_path / "out"
+    found = invoke("simulate", file, "--bundle", bundle, "--out", out, "--json")
+    assert len(found.data["outcome"]["brakes"]) == 1
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "nothing failed" not in page
+    assert "<td>LOCALISATION_LOST</td>" in page
+    # The reason of the braking, which no decision gives.
+    assert "<td>LOCALISATION_LOST: " in page
+    log = read_log(out / "run.jsonl")
+    silent = log.header["undecided"]
+    assert {each["sent"] for each in silent} == {"BRAKE"}
+    named = [text.partition(":")[0] for each in silent for text in each["violations"]]
+    assert set(named) == {"LOCALISATION_LOST"}
+    times = [entry.frame.t_s for entry in log.entries]
+    gap = max(itertools.pairwise(times), key=lambda pair: pair[1] - pair[0])
+    assert gap[1] - gap[0] > 0.8
+    assert sum(gap[0] < each["t_s"] < gap[1] for each in silent) > 8
+
+
+def test_braking_after_the_car_has_passed_is_not_judged(bundle: Path, tmp_path: Path) -> None:
+    file = written(tmp_path, "passes", station=14.0, lateral=0.0, passed=1.0)
+    out = tmp_path / "out"
+    found = invoke("simulate", file, "--bundle", bundle, "--out", out, "--json")
+    assert found.status == 0, found.err
+    assert found.data["outcome"]["brakes"] == []
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "<td>not judged: after it had passed</td>" in page
+    assert "<td>needed</td>" not in page
+    assert f"workbench simulate {file} --bundle {bundle}" in page
+    assert "--plant single-track" in page
+
+
 def test_estimated_intents_reach_the_log(bundle: Path, tmp_path: Path) -> None:
     file = written(tmp_path, "any", duration=4.0, more=GOALS)
     out = tmp_path / "out"

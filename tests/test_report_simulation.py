@@ -17,10 +17,12 @@ from test_report_browser import browse
 
 from workbench.claims import Assumption, Verdict
 from workbench.errors import InputError
+from workbench.report.demo import telling
 from workbench.report.simulation import SimulationReport, simulation_page
 from workbench.report.simulation_levels import failures_table, level_timeline
 from workbench.report.simulation_plots import Braking, DriveCurves, drive_figure
 from workbench.report.tables import Table
+from workbench.report.timeline import decision_table, summary_table, verdict_timeline
 from workbench.simulation.frames import Frame, LevelVerdicts
 
 LEVELS = ("whole", "two thirds", "one third")
@@ -69,6 +71,27 @@ def test_what_failed_is_told_from_when_to_when_with_its_words() -> None:
     assert [row[2] for row in nothing.rows] == ["nothing failed, and nobody was alerted"]
 
 
+def test_a_turn_without_a_decision_is_told_and_is_no_decision() -> None:
+    fault = "LOCALISATION_LOST: 1 s old"
+    silent = dataclasses.replace(
+        frame(0.2, fault), decided=False, verdict=Verdict.INVALID, levels=(), policies=(),
+        action="", sent="BRAKE",
+    )  # fmt: skip
+    frames = (frame(0.0), frame(0.1), silent, frame(0.3))
+    assert [tuple(row) for row in failures_table(frames).rows] == [
+        (0.2, 0.2, "LOCALISATION_LOST", "1 s old")
+    ]
+    assert [row[1] for row in decision_table(frames).rows][2] == "no decision"
+    counted = {row[0]: row[1] for row in summary_table(frames).rows}
+    assert (counted["decisions"], counted["verdict INVALID"]) == (3, 0)
+    assert telling(frames).decided
+    keys = [key.label for key in verdict_timeline(frames).legend]
+    assert "no decision" in keys
+    assert "no decision" not in [key.label for key in verdict_timeline(frames[:2]).legend]
+    with pytest.raises(InputError, match="at least one decision"):
+        telling((silent,))
+
+
 def drawn(panel: str) -> int:
     """Shapes in a picture, the patterns that fill some of them left out."""
     return re.sub(r"<pattern.*?</pattern>", "", panel, flags=re.DOTALL).count("<path")
@@ -103,6 +126,14 @@ def test_braking_is_shaded_as_needless_or_not(needless: bool) -> None:
     assert drawn(panel) - drawn(plain) == 5
     assert panel.count("fill: url(") - plain.count("fill: url(") == (5 if needless else 0)
     assert (panel.lower().count(vermillion) > plain.lower().count(vermillion)) == needless
+
+
+def test_braking_that_nobody_can_judge_looks_like_neither() -> None:
+    panels = [
+        drive_figure(curves(braking=(Braking(1.0, 1.5, needless),))).panels[0]
+        for needless in (True, False, None)
+    ]
+    assert len(set(panels)) == 3
 
 
 def test_a_drive_with_nobody_near_says_so() -> None:

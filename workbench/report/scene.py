@@ -172,7 +172,8 @@ def _seen_row(frame: Frame, detail: Detail, texts: _Pool[str]) -> dict[str, obje
 
 
 def _said_row(frame: Frame, texts: _Pool[str]) -> dict[str, object]:
-    """What was said and sent: v, a, r, d decided; q policies; m nested sets; w, z warnings."""
+    """What was said and sent: v, a, r, d decided; q policies; m nested sets; w, z warnings; u where
+    nothing was decided."""
     return {
         "v": _VERDICTS.index(frame.verdict),
         "a": texts.index(frame.action),
@@ -187,6 +188,7 @@ def _said_row(frame: Frame, texts: _Pool[str]) -> dict[str, object]:
         "m": [[texts.index(m.tube), *map(_VERDICTS.index, m.verdicts)] for m in frame.levels],
         "w": [texts.index(text) for text in frame.violations],
         "z": None if frame.alert is None else texts.index(frame.alert),
+        **({} if frame.decided else {"u": 1}),
     }  # fmt: skip
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 import random
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, final
 
 from workbench.estimation.people_estimator import PeopleNow
-from workbench.runtime.decision import Action
+from workbench.runtime.decision import Action, Decision
+from workbench.runtime.grounds import ground_of
 from workbench.runtime.observation import Observation
 from workbench.runtime.onboard.core import Core
 from workbench.runtime.onboard.faults import Found, Reaction
@@ -43,7 +45,7 @@ class Instant:
 
     t_s: on the scenario's clock; tracks: whether TRACK was sent; faults: names of those that brake
     or yield; station_m: of the car on its path; observation: of a turn that decided; grounds: what
-    stands against TRACK (`Objections`).
+    stands against TRACK (`Objections`); details: in words, for each of the faults.
     """
 
     t_s: float
@@ -55,6 +57,7 @@ class Instant:
     faults: tuple[str, ...]
     observation: Observation | None
     grounds: tuple[Ground, ...]
+    details: tuple[str, ...] = ()
 
 
 @final
@@ -113,6 +116,9 @@ _ASKS: Final = {
 }
 
 
+_SENT: Final = {State.TRACKING: "TRACK", State.BRAKING: "BRAKE", State.FAULT: "BRAKE"}
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class Recorded:
@@ -157,7 +163,7 @@ class _Story:
     def turned(self, result: TurnResult) -> None:
         """One turn has ended."""
         world, scene = self._world, self._world.scene
-        faults = tuple(each.fault.name for each in result.faults if answered(each))
+        faults, details = names_and_details(result.faults)
         grounds = self._objections.after(result.decision, blind=bool(faults))
         if world.scenario_s < 0.0:
             return
@@ -175,6 +181,7 @@ class _Story:
                 faults,
                 result.observation,
                 grounds,
+                details,
             )
         )
         for person in people:
@@ -202,14 +209,37 @@ class _Story:
 def entry_of(
     moment: Moment, result: TurnResult, tracks: tuple[Track, ...], drawing: Drawing
 ) -> Entry:
-    """A decision as a page shows it; what the core found wrong stands among the violations."""
+    """A decision as a page shows it. Among the violations stand what the core found wrong, and what
+    stood against TRACK by the name of its ground, people apart, where nothing else names it."""
     assert result.decision is not None, "only turns that decided are kept"
     assert result.observation is not None, "a decision is about one"
     moment = dataclasses.replace(moment, people=tracks)
     entry = moment.entry(result.observation, result.decision, drawing)
-    found = [f"{each.fault.name}: {each.detail}" for each in result.faults if answered(each)]
-    frame = dataclasses.replace(entry.frame, violations=(*entry.frame.violations, *found))
+    names, details = names_and_details(result.faults)
+    found = [f"{name}: {detail}" for name, detail in zip(names, details, strict=True)]
+    found += _against_track(result.decision, blind=bool(found))
+    frame = dataclasses.replace(
+        entry.frame, violations=(*entry.frame.violations, *found), sent=sent_in(result.state)
+    )
     return dataclasses.replace(entry, frame=frame)
+
+
+def sent_in(state: State) -> str:
+    """ "TRACK" or "BRAKE" as the state sends it; "" where it sends neither."""
+    return _SENT.get(state, "")
+
+
+def _against_track(decision: Decision, *, blind: bool) -> list[str]:
+    named = {Ground.PEOPLE, *(ground_of(each.hypothesis) for each in decision.violations)}
+    if blind:
+        named.add(Ground.READING)
+    return [f"{each.name}: {decision.reason}" for each in decision.grounds if each not in named]
+
+
+def names_and_details(found: Sequence[Found]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the faults that the core answers, and what it says of each."""
+    those = [each for each in found if answered(each)]
+    return tuple(each.fault.name for each in those), tuple(each.detail for each in those)
 
 
 def answered(found: Found) -> bool:

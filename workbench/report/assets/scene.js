@@ -23,6 +23,7 @@
   const shows = (policy) => [0, policy].includes(Number(find("shown").value));
   // Tubes have the colours of the policy they decide; pages of one policy have one verdict.
   const said = (frame, policy) => (frame.q.length ? frame.q[policy - 1][1] : frame.v);
+  const undecided = (frame) => "no decision, " + (scene.texts[frame.e] || "nothing") + " sent";
   const goal = (wanted) => scene.texts[wanted[0]] + " " + wanted[1] + " %";
   const discs = (person) => summed(person.slice(1), 3, [CM, CM, CM]);
   const car = (frame) => [frame.c[0] * CM, frame.c[1] * CM, frame.c[2] * MRAD];
@@ -182,16 +183,16 @@
     drawPeople(pen, eye, frame, ink, blue);
     drawCar(pen, eye, frame, ink);
     pen.font = "bold 15px system-ui, sans-serif";
-    const label = verdict[0] + " · " + scene.texts[frame.a];
-    pen.fillStyle = verdict[1]; pen.fillRect(6, 6, pen.measureText(label).width + 16, 24);
+    const label = frame.u ? undecided(frame) : verdict[0] + " · " + scene.texts[frame.a];
+    pen.fillStyle = frame.u ? "#ccc" : verdict[1]; pen.fillRect(6, 6, pen.measureText(label).width + 16, 24);
     pen.fillStyle = "#111"; pen.fillText(label, 14, 23);
   }
 
   function drawStrip() {
     const canvas = fitted(strip), each = canvas.width / frames.length;
     frames.forEach(function (frame, k) {
-      canvas.pen.fillStyle = scene.verdicts[frame.v][1];
-      const tall = [1, 0.7, 0.4][frame.v] * canvas.height;
+      canvas.pen.fillStyle = frame.u ? "#888" : scene.verdicts[frame.v][1];
+      const tall = (frame.u ? 0.15 : [1, 0.7, 0.4][frame.v]) * canvas.height;
       canvas.pen.fillRect(Math.floor(k * each), canvas.height - tall, Math.ceil(each) + 1, tall);
     });
     canvas.pen.fillStyle = getComputedStyle(root).color;
@@ -200,8 +201,8 @@
 
   function show(to) {
     index = Math.max(0, Math.min(frames.length - 1, to));
-    const frame = frames[index], verdict = scene.verdicts[frame.v][0];
-    const action = scene.texts[frame.a], time = frame.t.toFixed(2) + " s";
+    const frame = frames[index], verdict = frame.u ? "none" : scene.verdicts[frame.v][0];
+    const action = frame.u ? undecided(frame) : scene.texts[frame.a], time = frame.t.toFixed(2) + " s";
     scrubber.value = String(index);
     scrubber.setAttribute("aria-valuetext", time + ", " + verdict + ", " + action);
     find("time").textContent = time;
