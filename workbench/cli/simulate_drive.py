@@ -145,6 +145,7 @@ def _undisturbed_m(rig: Rig, trial: Trial) -> float:
 
 
 def _driven(args: argparse.Namespace, trial: Trial, notes: tuple[str, ...]) -> Found:
+    from workbench.simulation.holding import holding_notes
     from workbench.simulation.rig import outcome_on_bus
 
     if args.real_time:
@@ -156,8 +157,9 @@ def _driven(args: argparse.Namespace, trial: Trial, notes: tuple[str, ...]) -> F
         rig, driven, took_s, more = drive(args, trial, _advancing(bar))
         undisturbed_m = _undisturbed_m(rig, trial)
     outcome = outcome_on_bus(driven, trial.scenario)
+    notes = (*notes, *more, *holding_notes(driven.instants))
     return Found(
-        rig, trial, args.policy, (*notes, *more), driven, outcome, undisturbed_m, took_s,
+        rig, trial, args.policy, notes, driven, outcome, undisturbed_m, took_s,
         live=args.real_time,
     )  # fmt: skip
 

@@ -22,6 +22,7 @@ from workbench.runtime.policies import Ground, Turn
 from workbench.simulation.bus_world import BusWorld
 from workbench.simulation.measures import Drawing, Moment, Progress
 from workbench.simulation.objections import Objections
+from workbench.simulation.onboard_operator import ASKS, refused_as_latched
 from workbench.simulation.people import PeopleModel
 from workbench.simulation.plants.chassis import Motion
 from workbench.simulation.ranged_place import Told
@@ -79,7 +80,7 @@ class BusLoop:
     def __init__(self, core: Core, world: BusWorld, *, seed: int) -> None:
         self._core, self._world = core, world
         self._chance = random.Random(f"decisions {seed}")
-        self._at_us, self._asked_us = 0, -_AGAIN_US
+        self._at_us, self._asked_us, self._latched = 0, -_AGAIN_US, False
         self._result: TurnResult | None = None
 
     def turn(self) -> TurnResult:
@@ -101,19 +102,16 @@ class BusLoop:
     def _asks(self) -> Request | None:
         """ARM once the scenario has begun, and again where a fault has ended the driving."""
         result = self._result
+        self._latched = result is not None and (self._latched or refused_as_latched(result))
         late = self._at_us - self._asked_us < _AGAIN_US
         early = self._at_us < self._world.begun_us + _ARM_US
-        if result is None or early or late or result.state not in _ASKS:
+        if result is None or early or late or result.state not in ASKS:
             return None
         self._asked_us = self._at_us
-        return _ASKS[result.state]
-
-
-_ASKS: Final = {
-    State.DISARMED: Request.ARM,
-    State.FAULT: Request.DISARM,
-    State.YIELDED: Request.REARM,
-}
+        if self._latched and result.state is State.YIELDED:
+            self._latched = False
+            return Request.DISARM
+        return ASKS[result.state]
 
 
 _SENT: Final = {State.TRACKING: "TRACK", State.BRAKING: "BRAKE", State.FAULT: "BRAKE"}
