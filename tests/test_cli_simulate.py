@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import itertools
 import math
+import multiprocessing
+import time
 from pathlib import Path
 
 import pytest
@@ -20,7 +22,7 @@ from workbench.simulation.plants.make import PLANTS
 from workbench.simulation.runlog import read_log
 from workbench.simulation.scenarios.scenario_file import POLICIES
 from workbench.simulation.scenarios.shipped import library
-from workbench.simulation.simulated import build_rig
+from workbench.simulation.simulated import build_rig, simulated_path
 
 SCENARIO = """
 title = "A test"
@@ -199,6 +201,25 @@ def test_several_scenarios_make_a_table_that_no_number_of_processes_changes(
     assert alone.data["as_expected"] == 1
     for one, other in zip(alone.data["rows"], shared.data["rows"], strict=True):
         assert {**one, "faster": 0} == {**other, "faster": 0}
+
+
+def test_what_is_still_driven_ends_with_the_table(bundle: Path, tmp_path: Path) -> None:
+    files = [
+        written(tmp_path, "any", name="long", duration=3000.0),
+        written(tmp_path, "any", name="short", duration=2.0),
+    ]
+    tasks = [
+        simulate_table.Task(bundle, simulated_path(), None, str(file), "bicycle", "both", 0, True)
+        for file in files
+    ]
+    coming = simulate_table._rows(tasks, 2)
+    assert next(coming).scenario == str(files[1])
+    since_s = time.monotonic()
+    coming.close()
+    assert time.monotonic() - since_s < 5.0
+    for each in multiprocessing.active_children():
+        each.join(5.0)
+    assert multiprocessing.active_children() == []
 
 
 def test_every_plant_and_policy_is_driven_in_order(bundle: Path, tmp_path: Path) -> None:

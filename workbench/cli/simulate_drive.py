@@ -6,6 +6,7 @@ import argparse
 import math
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
 
@@ -86,12 +87,21 @@ def drive_one(args: argparse.Namespace) -> int:
     else:
         from workbench.cli.simulate_page import write_files
 
-        with output_folder(args.out) as folder:
+        with output_folder(args.out) as folder, _kept(args):
             found = _driven(args, trial, notes)
             files = write_files(args, found, folder)
     emit(args, "\n".join([*summary(found), *(f"{k}: {v}" for k, v in files.items())]),
          _data(found) | files)  # fmt: skip
     return DONE if found.as_expected else CLAIM_FAILS
+
+
+def _kept(args: argparse.Namespace) -> AbstractContextManager[None]:
+    """What a drive in real time needs around it."""
+    if not args.real_time:
+        return nullcontext()
+    from workbench.cli.simulate_live import live_folder
+
+    return live_folder(args.out)
 
 
 def summary(found: Found) -> list[str]:
