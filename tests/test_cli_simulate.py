@@ -15,8 +15,9 @@ pytest.importorskip("casadi", reason="needs the extra analysis")
 
 from cli_fixture import Result, invoke
 
-from workbench.cli import simulate, simulate_page, simulate_table
+from workbench.cli import simulate, simulate_drive, simulate_page, simulate_table
 from workbench.models.vehicle import gem_e2
+from workbench.simulation import scene
 from workbench.simulation.campaign.survey_drive import CLEAR_M
 from workbench.simulation.plants.make import PLANTS
 from workbench.simulation.runlog import read_log
@@ -268,6 +269,15 @@ def test_the_whole_library_goes_on_all_plants(
         (("nobody_s_bend", "--bundle", "b", "--real-time"), "leave --bundle out"),
         (("nobody_s_bend", "--sensors", "none.toml"), "--sensors: expected a file"),
         (("nobody_s_bend", "--bundle", "no-bundle"), "no-bundle"),
+        (("Nobody_S_Bent",), "did you mean nobody_s_bend"),
+        (("nobody_s_bend", "--out", ""), "expected the name of a folder, got ''"),
+        (("nobody_s_bend", "--vehicle", "."), ".: expected a vehicle file that can be read"),
+        (("nobody_s_bend", "--horizon", "1e9"), "--horizon: expected 0.05 to 17.5 s in whole st"),
+        (("nobody_s_bend", "--horizon", "0.001"), "--horizon: expected 0.05 to 17.5 s"),
+        (("nobody_s_bend", "--horizon", "0.77"), "whole steps of 0.05 s, got 0.77; 3 is usual"),
+        (("nobody_s_bend", "--localiser", "--site", "none.toml"), "no such site file"),
+        (("nobody_s_bend", "--jobs", "2"), "--jobs: expected with a table"),
+        (("--list", "--desk"), "--list: expected alone, got --desk"),
     ],
 )
 def test_wrong_use_is_told_and_leaves_nothing(
@@ -278,6 +288,31 @@ def test_wrong_use_is_told_and_leaves_nothing(
     assert (found.status, found.out) == (2, ""), found
     assert told in found.err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_path_that_the_car_cannot_steer_is_refused_before_any_work(tmp_path: Path) -> None:
+    file = written(tmp_path, "any")
+    bent = "[[0, 0], [8, 0], [8.5, 0.2], [8.5, 8], [8, 8.5], [0, 8]]"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("[[0, 0], [10, 0], [20, 0], [30, 0], [40, 0]]", bent))
+    for words in ((), ("--plant", "every", "--desk")):
+        found = invoke("simulate", file, *words)
+        assert found.status == 2
+        # tan(0.6 rad) over 1.75 m.
+        assert "expected a path with a curvature of at most 0.391 1/m" in found.err
+        assert "at station" in found.err
+
+
+def test_a_file_for_a_folder_is_named_as_one(bundle: Path, tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("")
+    for out in ("taken", "taken/more"):
+        found = invoke("simulate", "nobody_s_bend", "--bundle", bundle, "--out", tmp_path / out)
+        assert found.status == 2
+        assert "it is a file, or lies in one" in found.err
+
+
+def test_what_is_too_far_for_a_distance_is_said_in_metres() -> None:
+    assert f" {scene._FAR_M:g} m " in simulate_drive.FAR_WORDS
 
 
 def test_a_bundle_of_another_car_is_refused(bundle: Path, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Final, final
 
 from workbench.cli.common import output_folder
 from workbench.cli.output import Progress, emit
@@ -17,8 +17,10 @@ from workbench.cli.simulate_subject import (
     chosen_estimator,
     chosen_rig,
     chosen_scenario,
+    chosen_vehicle,
     expected_of,
     require_goals,
+    require_steerable,
 )
 
 if TYPE_CHECKING:
@@ -26,6 +28,10 @@ if TYPE_CHECKING:
     from workbench.simulation.drive_outcomes import DriveOutcome
     from workbench.simulation.rig import Rig, Trial
     from workbench.simulation.scenarios.scenario import Expected
+
+
+FAR_WORDS: Final = "within 12 m of nobody"
+"""Farther off nobody's distance is measured: |dx| + |dy| from the middle of the rear axle."""
 
 
 @final
@@ -36,7 +42,7 @@ class Found:
     rig, trial, policy: what drove; notes: what a reader must know; driven: turn by turn, None at
     the desk; outcome; undisturbed_m: how near a car that never brakes comes to anybody, inf for
     nobody near; took_s: time of the drive, without building; live: whether it was driven in real
-    time.
+    time; ranged: whether a localiser told where the car was.
     """
 
     rig: Rig
@@ -48,6 +54,7 @@ class Found:
     undisturbed_m: float
     took_s: float
     live: bool = False
+    ranged: bool = False
 
     @property
     def expected(self) -> Expected:
@@ -78,6 +85,7 @@ def drive_one(args: argparse.Namespace) -> int:
     from workbench.simulation.rig import Trial
 
     scenario, notes = chosen_scenario(args.scenario[0])
+    require_steerable(scenario, chosen_vehicle(args))
     if args.intents:
         require_goals(scenario)
     trial = Trial(scenario, args.plant or "single-track", args.seed)
@@ -125,7 +133,7 @@ def _needless_words(found: Found) -> str:
 
     brakes = len(found.outcome.brakes)
     near_m = found.undisturbed_m
-    comes = "near nobody" if near_m == math.inf else f"as near as {near_m:.2f} m to somebody"
+    comes = FAR_WORDS if near_m == math.inf else f"as near as {near_m:.2f} m to somebody"
     if near_m < 0.0:
         comes = "into contact with somebody"
     return (
@@ -170,7 +178,7 @@ def _driven(args: argparse.Namespace, trial: Trial, notes: tuple[str, ...]) -> F
     notes = (*notes, *more, *holding_notes(driven.instants))
     return Found(
         rig, trial, args.policy, notes, driven, outcome, undisturbed_m, took_s,
-        live=args.real_time,
+        live=args.real_time, ranged=args.localiser,
     )  # fmt: skip
 
 

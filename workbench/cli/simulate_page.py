@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from workbench import __version__
 from workbench.cli.analysis_options import command_line
 from workbench.cli.common import write_text
-from workbench.cli.simulate_drive import Found, summary
+from workbench.cli.simulate_drive import FAR_WORDS, Found, summary
 
 if TYPE_CHECKING:
     from workbench.models.vehicle_sections import Brake
@@ -214,8 +214,9 @@ def _figures(found: Found) -> Table:
     from workbench.report.tables import Table
 
     outcome, brakes = found.outcome, len(found.outcome.brakes)
-    nearest_m = None if outcome.nearest_m == math.inf else outcome.nearest_m
-    undisturbed_m = None if found.undisturbed_m == math.inf else found.undisturbed_m
+    nearest_m, undisturbed_m = (
+        FAR_WORDS if each == math.inf else each for each in (outcome.nearest_m, found.undisturbed_m)
+    )
     rows: list[list[Cell]] = [
         ["expected", found.expected.value, ""],
         ["as expected", "yes" if found.as_expected else "no", ""],
@@ -282,9 +283,10 @@ def settings_table(found: Found) -> Table:
         ["bundle", f"{manifest.name}, SHA-256 {found.rig.bundle.manifest_sha256[:16]}"],
         ["horizon of LookAhead (s)", manifest.horizon_s],
         ["reference speed (m/s)", found.rig.settings.reference_speed_mps],
-        ["error of localised positions, at most (m)", sensing.position_m],
+        ["error of localised positions, at most (m)",
+         "what the vehicle's localiser says" if found.ranged else sensing.position_m],
         ["error of people's positions, at most (m)", sensing.person_m],
         ["delay of sensors (s)", f"{sensing.delay_s[0]:g} to {sensing.delay_s[1]:g}"],
         ["people are reported within (m)", sensing.watched_m],
-    ]
+    ]  # fmt: skip
     return Table("settings", ["setting", "value"], rows)

@@ -24,6 +24,7 @@ from workbench.cli.simulate_subject import (
     chosen_scenario,
     chosen_vehicle,
     expected_of,
+    require_steerable,
 )
 
 if TYPE_CHECKING:
@@ -70,8 +71,9 @@ def drive_many(args: argparse.Namespace) -> int:
     from workbench.simulation.simulated import simulated_path
 
     names = library() if args.all else tuple(dict.fromkeys(args.scenario))
+    vehicle = chosen_vehicle(args)
     for name in names:
-        chosen_scenario(name)
+        require_steerable(chosen_scenario(name)[0], vehicle)
     plant = args.plant or (EVERY if args.all else "single-track")
     plants = PLANTS if plant == EVERY else (plant,)
     policies = POLICIES if args.policy == EVERY else (args.policy,)

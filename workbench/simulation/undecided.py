@@ -8,7 +8,7 @@ from typing import Final
 from workbench.claims import Verdict
 from workbench.models.vehicle_sections import Geometry
 from workbench.simulation.bus_drive import Instant, sent_in
-from workbench.simulation.frames import Frame, PersonFrame, Point
+from workbench.simulation.frames import Frame, PersonFrame, Point, drawable
 
 _SILENT_S: Final = 0.25
 """Decisions come every 0.1 s; after so long without one a turn stands for itself."""
@@ -51,5 +51,8 @@ def _frame(instant: Instant, shape: Geometry, route: tuple[Point, ...]) -> Frame
         reason=f"no decision was made, the state is {instant.state.name}; people are drawn where "
         "they truly are",
         clearance_m=None, path=route, sent=sent_in(instant.state), violations=found, decided=False,
-        people=tuple(PersonFrame(p.name, p.x_m, p.y_m, p.body_radius_m) for p in instant.people),
+        people=tuple(
+            PersonFrame(p.name, p.x_m, p.y_m, p.body_radius_m) for p in instant.people
+            if drawable((p.x_m, p.y_m))
+        ),
     )  # fmt: skip
