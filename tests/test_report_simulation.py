@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +19,7 @@ from test_report_browser import browse
 from workbench.claims import Assumption, Verdict
 from workbench.errors import InputError
 from workbench.report.demo import telling
+from workbench.report.scene import Detail, scene_json
 from workbench.report.simulation import SimulationReport, simulation_page
 from workbench.report.simulation_levels import failures_table, level_timeline
 from workbench.report.simulation_plots import Braking, DriveCurves, drive_figure
@@ -90,6 +92,8 @@ def test_a_turn_without_a_decision_is_told_and_is_no_decision() -> None:
     assert "no decision" not in [key.label for key in verdict_timeline(frames[:2]).legend]
     with pytest.raises(InputError, match="at least one decision"):
         telling((silent,))
+    rows = json.loads(scene_json(frames, Detail(9, 9, 9, 9)))["frames"]
+    assert ["u" in row for row in rows] == [False, False, True, False]
 
 
 def drawn(panel: str) -> int:
@@ -175,8 +179,10 @@ def test_the_player_works_on_a_phone_without_a_message_in_the_console(
     require_tool: Callable[..., str], tmp_path: Path
 ) -> None:
     browser = require_tool("chromium", "chromium-browser", "google-chrome")
+    last = cases.frames()[-1]
+    silent = dataclasses.replace(last, t_s=last.t_s + 0.1, decided=False, policies=(), levels=())
     page = simulation_page(
-        report(cases.frames(), curves(braking=(Braking(1.0, 2.0, needless=True),))),
+        report((*cases.frames(), silent), curves(braking=(Braking(1.0, 2.0, needless=True),))),
         version="0", command="x",
     )  # fmt: skip
     found, console = browse(browser, page.html(), tmp_path)

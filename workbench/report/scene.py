@@ -100,7 +100,8 @@ _MARKUP = """<div class="scene" role="group" aria-label="Scene player">
 <p class="key">{caption} Outline with arrow: the car. Dashed line: the path. Filled boxes:
 where the car can be in TRACK, up to the horizon or the end of the proof, coloured by what LookAhead
 says; bold empty boxes: in TRACK and then BRAKE to standstill, coloured by what FailSafe says (a few
-of many boxes). Blue: people now, and the discs predicted; dotted: where their guard lets them be.
+of many boxes). Blue: people now, and the discs predicted; dotted: where their guard lets them be;
+an arrow at the edge: somebody outside of the picture.
 <span class="left-out"></span> Keys: space plays and stops, ← and → step,
 Home and End jump, + and − zoom.</p>
 <noscript><p class="notice">The player needs JavaScript; the pictures do not.</p></noscript>

@@ -118,11 +118,33 @@
     pen.arc(eye.x(at[0]), eye.y(at[1]), Math.max(1, at[2] * eye.scale), 0, 2 * Math.PI);
   }
 
-  function drawPeople(pen, eye, frame, ink, blue) {
-    const at = car(frame);
+  // An arrow at the edge towards somebody who is outside of the picture, and how far off they are.
+  function drawOutside(canvas, eye, frame, person, ink, blue) {
+    const pen = canvas.pen, at = car(frame), here = [person[1] * CM, person[2] * CM];
+    const x = eye.x(here[0]), y = eye.y(here[1]);
+    if (x >= 0 && x <= canvas.width && y >= 0 && y <= canvas.height) return;
+    const edgeX = Math.max(12, Math.min(canvas.width - 12, x));
+    const edgeY = Math.max(46, Math.min(canvas.height - 28, y));
+    pen.save();
+    pen.translate(edgeX, edgeY);
+    pen.rotate(Math.atan2(y - edgeY, x - edgeX));
+    pen.fillStyle = blue;
+    pen.beginPath(); pen.moveTo(10, 0); pen.lineTo(-5, -6); pen.lineTo(-5, 6); pen.closePath(); pen.fill();
+    pen.restore();
+    if (frame.p.length > 6) return;
+    const right = edgeX > canvas.width / 2, far = Math.hypot(here[0] - at[0], here[1] - at[1]);
+    pen.fillStyle = ink;
+    pen.textAlign = right ? "right" : "left";
+    pen.fillText(scene.texts[person[0]] + ", " + far.toFixed(0) + " m off", edgeX + (right ? -14 : 14), edgeY + 4);
+    pen.textAlign = "left";
+  }
+
+  function drawPeople(canvas, eye, frame, ink, blue) {
+    const at = car(frame), pen = canvas.pen;
     pen.font = "12px system-ui, sans-serif";
     frame.p.forEach(function (person, rank) {
       const rounds = discs(person);
+      drawOutside(canvas, eye, frame, person, ink, blue);
       pen.fillStyle = pen.strokeStyle = blue;
       if (shows(1)) rounds.slice(1).forEach(function (round) {
         disc(pen, eye, round);
@@ -180,7 +202,7 @@
     if (shows(1)) drawTube(pen, eye, rectangles(frame), said(frame, 1), 0.16, 1);
     if (shows(2)) drawTube(pen, eye, boxes(frame.h), said(frame, 2), 0, 2.2);
     pen.setLineDash([]); pen.globalAlpha = 1;
-    drawPeople(pen, eye, frame, ink, blue);
+    drawPeople(canvas, eye, frame, ink, blue);
     drawCar(pen, eye, frame, ink);
     pen.font = "bold 15px system-ui, sans-serif";
     const label = frame.u ? undecided(frame) : verdict[0] + " · " + scene.texts[frame.a];
