@@ -214,9 +214,8 @@ def _figures(found: Found) -> Table:
     from workbench.report.tables import Table
 
     outcome, brakes = found.outcome, len(found.outcome.brakes)
-    nearest_m, undisturbed_m = (
-        FAR_WORDS if each == math.inf else each for each in (outcome.nearest_m, found.undisturbed_m)
-    )
+    far = FAR_WORDS if outcome.fastest_mps > _STANDS_MPS else "it did not move"
+    near = _measured(outcome.nearest_m, far), _measured(found.undisturbed_m, FAR_WORDS)
     rows: list[list[Cell]] = [
         ["expected", found.expected.value, ""],
         ["as expected", "yes" if found.as_expected else "no", ""],
@@ -225,8 +224,8 @@ def _figures(found: Found) -> Table:
         ["BRAKE after TRACK, before it had passed", brakes, "times"],
         ["of these needless", brakes if found.needless else 0, "times"],
         ["at standstill on the way", outcome.stood_s, "s"],
-        ["nearest to anybody while the car moved", nearest_m, "m"],
-        ["nearest of a car that never brakes", undisturbed_m, "m"],
+        ["nearest to anybody while the car moved", *near[0]],
+        ["nearest of a car that never brakes", *near[1]],
         ["way", outcome.way_m, "m"],
         ["highest speed", outcome.fastest_mps, "m/s"],
         ["strongest deceleration", outcome.hardest_mps2, "m/s²"],
@@ -234,6 +233,11 @@ def _figures(found: Found) -> Table:
         ["times as fast as real time", found.faster, "1"],
     ]
     return Table("what came of the drive", ["figure", "value", "unit"], rows)
+
+
+def _measured(distance_m: float, far: str) -> tuple[Cell, str]:
+    """A distance and its unit, or words where nobody was near."""
+    return (far, "") if distance_m == math.inf else (distance_m, "m")
 
 
 def _braking_table(found: Found) -> Table:
