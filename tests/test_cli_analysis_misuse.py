@@ -145,8 +145,8 @@ def test_a_spoilt_learned_file_is_refused_in_words(
 def test_a_folder_as_vehicle_is_named_with_a_mend(tmp_path: Path) -> None:
     result = invoke("gains", "--vehicle", tmp_path)
     assert result.status == 2
-    assert f"--vehicle: expected a vehicle file that can be read, got {tmp_path}" in result.err
-    assert "workbench new vehicle NAME" in result.err
+    assert f"{tmp_path}: expected a vehicle file that can be read, but: Is a dir" in result.err
+    assert "name a TOML file, as " in result.err
 
 
 def test_a_missing_learned_bound_says_what_writes_one(tmp_path: Path) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import itertools
 import math
+import multiprocessing
+import time
 from pathlib import Path
 
 import pytest
@@ -13,14 +15,15 @@ pytest.importorskip("casadi", reason="needs the extra analysis")
 
 from cli_fixture import Result, invoke
 
-from workbench.cli import simulate, simulate_page, simulate_table
+from workbench.cli import simulate, simulate_drive, simulate_page, simulate_table
 from workbench.models.vehicle import gem_e2
+from workbench.simulation import scene
 from workbench.simulation.campaign.survey_drive import CLEAR_M
 from workbench.simulation.plants.make import PLANTS
 from workbench.simulation.runlog import read_log
 from workbench.simulation.scenarios.scenario_file import POLICIES
 from workbench.simulation.scenarios.shipped import library
-from workbench.simulation.simulated import build_rig
+from workbench.simulation.simulated import build_rig, simulated_path
 
 SCENARIO = """
 title = "A test"
@@ -138,6 +141,43 @@ def test_braking_for_who_stands_beside_the_way_is_needless(bundle: Path, tmp_pat
     assert "<td>needed</td>" not in page
 
 
+def test_a_fault_without_decisions_is_on_the_page_and_in_the_log(
+    bundle: Path, tmp_path: Path
+) -> None:
+    lost = '[[sensing.dropouts]]\nwhat = "localisation"\nfrom_s = 4.0\nuntil_s = 6.0'
+    file = written(tmp_path, "any", passed=30.0, more=lost)
+    out = tmp_path / "out"
+    found = invoke("simulate", file, "--bundle", bundle, "--out", out, "--json")
+    assert len(found.data["outcome"]["brakes"]) == 1
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "nothing failed" not in page
+    assert "<td>LOCALISATION_LOST</td>" in page
+    # The reason of the braking, which no decision gives.
+    assert "<td>LOCALISATION_LOST: " in page
+    log = read_log(out / "run.jsonl")
+    silent = log.header["undecided"]
+    assert {each["sent"] for each in silent} == {"BRAKE"}
+    named = [text.partition(":")[0] for each in silent for text in each["violations"]]
+    assert set(named) == {"LOCALISATION_LOST"}
+    times = [entry.frame.t_s for entry in log.entries]
+    gap = max(itertools.pairwise(times), key=lambda pair: pair[1] - pair[0])
+    assert gap[1] - gap[0] > 0.8
+    assert sum(gap[0] < each["t_s"] < gap[1] for each in silent) > 8
+
+
+def test_braking_after_the_car_has_passed_is_not_judged(bundle: Path, tmp_path: Path) -> None:
+    file = written(tmp_path, "passes", station=14.0, lateral=0.0, passed=1.0)
+    out = tmp_path / "out"
+    found = invoke("simulate", file, "--bundle", bundle, "--out", out, "--json")
+    assert found.status == 0, found.err
+    assert found.data["outcome"]["brakes"] == []
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "<td>not judged: after it had passed</td>" in page
+    assert "<td>needed</td>" not in page
+    assert f"workbench simulate {file} --bundle {bundle}" in page
+    assert "--plant single-track" in page
+
+
 def test_estimated_intents_reach_the_log(bundle: Path, tmp_path: Path) -> None:
     file = written(tmp_path, "any", duration=4.0, more=GOALS)
     out = tmp_path / "out"
@@ -162,6 +202,25 @@ def test_several_scenarios_make_a_table_that_no_number_of_processes_changes(
     assert alone.data["as_expected"] == 1
     for one, other in zip(alone.data["rows"], shared.data["rows"], strict=True):
         assert {**one, "faster": 0} == {**other, "faster": 0}
+
+
+def test_what_is_still_driven_ends_with_the_table(bundle: Path, tmp_path: Path) -> None:
+    files = [
+        written(tmp_path, "any", name="long", duration=3000.0),
+        written(tmp_path, "any", name="short", duration=2.0),
+    ]
+    tasks = [
+        simulate_table.Task(bundle, simulated_path(), None, str(file), "bicycle", "both", 0, True)
+        for file in files
+    ]
+    coming = simulate_table._rows(tasks, 2)
+    assert next(coming).scenario == str(files[1])
+    since_s = time.monotonic()
+    coming.close()
+    assert time.monotonic() - since_s < 5.0
+    for each in multiprocessing.active_children():
+        each.join(5.0)
+    assert multiprocessing.active_children() == []
 
 
 def test_every_plant_and_policy_is_driven_in_order(bundle: Path, tmp_path: Path) -> None:
@@ -210,6 +269,15 @@ def test_the_whole_library_goes_on_all_plants(
         (("nobody_s_bend", "--bundle", "b", "--real-time"), "leave --bundle out"),
         (("nobody_s_bend", "--sensors", "none.toml"), "--sensors: expected a file"),
         (("nobody_s_bend", "--bundle", "no-bundle"), "no-bundle"),
+        (("Nobody_S_Bent",), "did you mean nobody_s_bend"),
+        (("nobody_s_bend", "--out", ""), "expected the name of a folder, got ''"),
+        (("nobody_s_bend", "--vehicle", "."), ".: expected a vehicle file that can be read"),
+        (("nobody_s_bend", "--horizon", "1e9"), "--horizon: expected 0.05 to 17.5 s in whole st"),
+        (("nobody_s_bend", "--horizon", "0.001"), "--horizon: expected 0.05 to 17.5 s"),
+        (("nobody_s_bend", "--horizon", "0.77"), "whole steps of 0.05 s, got 0.77; 3 is usual"),
+        (("nobody_s_bend", "--localiser", "--site", "none.toml"), "no such site file"),
+        (("nobody_s_bend", "--jobs", "2"), "--jobs: expected with a table"),
+        (("--list", "--desk"), "--list: expected alone, got --desk"),
     ],
 )
 def test_wrong_use_is_told_and_leaves_nothing(
@@ -220,6 +288,31 @@ def test_wrong_use_is_told_and_leaves_nothing(
     assert (found.status, found.out) == (2, ""), found
     assert told in found.err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_path_that_the_car_cannot_steer_is_refused_before_any_work(tmp_path: Path) -> None:
+    file = written(tmp_path, "any")
+    bent = "[[0, 0], [8, 0], [8.5, 0.2], [8.5, 8], [8, 8.5], [0, 8]]"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("[[0, 0], [10, 0], [20, 0], [30, 0], [40, 0]]", bent))
+    for words in ((), ("--plant", "every", "--desk")):
+        found = invoke("simulate", file, *words)
+        assert found.status == 2
+        # tan(0.6 rad) over 1.75 m.
+        assert "expected a path with a curvature of at most 0.391 1/m" in found.err
+        assert "at station" in found.err
+
+
+def test_a_file_for_a_folder_is_named_as_one(bundle: Path, tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("")
+    for out in ("taken", "taken/more"):
+        found = invoke("simulate", "nobody_s_bend", "--bundle", bundle, "--out", tmp_path / out)
+        assert found.status == 2
+        assert "it is a file, or lies in one" in found.err
+
+
+def test_what_is_too_far_for_a_distance_is_said_in_metres() -> None:
+    assert f" {scene._FAR_M:g} m " in simulate_drive.FAR_WORDS
 
 
 def test_a_bundle_of_another_car_is_refused(bundle: Path, tmp_path: Path) -> None:

@@ -46,7 +46,10 @@ def test_a_drive_says_how_far_off_the_localiser_was(bundle: Path, tmp_path: Path
     instead, note = found.data["notes"]
     assert "not used" in instead
     assert "100 % of them held the true state" in note
-    assert note in (out / "report.html").read_text(encoding="utf-8")
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert note in page
+    assert "<td>what the vehicle&#x27;s localiser says</td>" in page
+    assert page.count("<td>within 12 m of nobody</td>") == 2
 
 
 def test_a_table_has_it_for_every_drive(bundle: Path, tmp_path: Path) -> None:

@@ -123,6 +123,40 @@ def test_the_second_interrupt_ends_the_process_at_once(tmp_path: Path) -> None:
     assert running.returncode == -signal.SIGINT
 
 
+_ENDED = """
+import signal, sys, time
+from workbench.cli import interruption
+from workbench.cli.main import main
+import types
+signal.signal(signal.SIGINT, {interrupt})
+module = types.ModuleType("workbench.cli.derive")
+module.HELP, module.EXAMPLE, module.configure = "Stands in.", "workbench derive", lambda p: None
+def run(args):
+    with interruption.ended_kindly():
+        try:
+            signal.raise_signal(signal.{name})
+        finally:
+            signal.raise_signal(signal.{name})
+            time.sleep(0.2)
+            print("cleaned up", flush=True)
+module.run = run
+sys.modules[module.__name__] = module
+sys.exit(main(["derive"]))
+"""
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("interrupt", ["signal.default_int_handler", "signal.SIG_IGN"])
+def test_a_command_that_starts_others_is_ended_with_them(
+    name: str, interrupt: str, tmp_path: Path
+) -> None:
+    program = _ENDED.replace("{name}", name).replace("{interrupt}", interrupt)
+    running = _start(tmp_path, program=program)
+    out, err = running.communicate(timeout=20)
+    assert (running.returncode, out) == (130, "cleaned up\n"), err
+    assert err.endswith("workbench derive: interrupted\n")
+
+
 def test_cleaning_up_is_not_interrupted_again() -> None:
     steps = []
     with pytest.raises(KeyboardInterrupt), interruption.stoppable():

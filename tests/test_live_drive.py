@@ -7,6 +7,11 @@ brake, which is right.
 from __future__ import annotations
 
 import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -112,6 +117,32 @@ def test_a_monitor_that_refuses_is_heard_and_leaves_no_process(tmp_path: Path) -
     nothing = Installed(tmp_path / "no bundle", tmp_path / "no.pub")
     with pytest.raises(InputError, match=r"it ended: workbench-monitor: refused"):
         drive_live(world(), nothing, tmp_path / "log", Recorded())
+
+
+def test_a_drive_that_is_told_to_end_leaves_no_process_no_key_and_no_folder(tmp_path: Path) -> None:
+    file, place = tmp_path / "short.toml", tmp_path / "tmp"
+    file.write_text(SCENARIO, encoding="utf-8")
+    place.mkdir()
+    words = ["simulate", str(file), "--real-time", "--plant", "bicycle", "--out", "out"]
+    running = subprocess.Popen(
+        [sys.executable, "-m", "workbench.cli.main", *words], cwd=tmp_path, text=True,
+        env={**os.environ, "TMPDIR": str(place)}, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    until_s = time.monotonic() + 60.0
+    while not list(place.glob("workbench-*/monitor.socket")) and time.monotonic() < until_s:
+        time.sleep(0.05)
+    assert list(place.glob("workbench-*/drive.key.pub"))
+    # Nobody can sign with it any more while the car drives.
+    assert not list(place.glob("workbench-*/drive.key"))
+    monitors = Path(f"/proc/{running.pid}/task/{running.pid}/children").read_text().split()
+    running.send_signal(signal.SIGTERM)
+    _, err = running.communicate(timeout=30)
+    assert running.returncode == 130, err
+    assert err.endswith("interrupted\n")
+    assert [*place.iterdir()] == []
+    assert not (tmp_path / "out").exists()
+    assert len(monitors) == 1
+    assert not Path(f"/proc/{monitors[0]}").exists()
 
 
 def test_the_process_is_armed_drives_and_its_log_makes_the_same_decisions(tmp_path: Path) -> None:

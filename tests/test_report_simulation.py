@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -17,10 +18,13 @@ from test_report_browser import browse
 
 from workbench.claims import Assumption, Verdict
 from workbench.errors import InputError
+from workbench.report.demo import telling
+from workbench.report.scene import Detail, scene_json
 from workbench.report.simulation import SimulationReport, simulation_page
 from workbench.report.simulation_levels import failures_table, level_timeline
 from workbench.report.simulation_plots import Braking, DriveCurves, drive_figure
 from workbench.report.tables import Table
+from workbench.report.timeline import decision_table, summary_table, verdict_timeline
 from workbench.simulation.frames import Frame, LevelVerdicts
 
 LEVELS = ("whole", "two thirds", "one third")
@@ -69,6 +73,29 @@ def test_what_failed_is_told_from_when_to_when_with_its_words() -> None:
     assert [row[2] for row in nothing.rows] == ["nothing failed, and nobody was alerted"]
 
 
+def test_a_turn_without_a_decision_is_told_and_is_no_decision() -> None:
+    fault = "LOCALISATION_LOST: 1 s old"
+    silent = dataclasses.replace(
+        frame(0.2, fault), decided=False, verdict=Verdict.INVALID, levels=(), policies=(),
+        action="", sent="BRAKE",
+    )  # fmt: skip
+    frames = (frame(0.0), frame(0.1), silent, frame(0.3))
+    assert [tuple(row) for row in failures_table(frames).rows] == [
+        (0.2, 0.2, "LOCALISATION_LOST", "1 s old")
+    ]
+    assert [row[1] for row in decision_table(frames).rows][2] == "no decision"
+    counted = {row[0]: row[1] for row in summary_table(frames).rows}
+    assert (counted["decisions"], counted["verdict INVALID"]) == (3, 0)
+    assert telling(frames).decided
+    keys = [key.label for key in verdict_timeline(frames).legend]
+    assert "no decision" in keys
+    assert "no decision" not in [key.label for key in verdict_timeline(frames[:2]).legend]
+    with pytest.raises(InputError, match="at least one decision"):
+        telling((silent,))
+    rows = json.loads(scene_json(frames, Detail(9, 9, 9, 9)))["frames"]
+    assert ["u" in row for row in rows] == [False, False, True, False]
+
+
 def drawn(panel: str) -> int:
     """Shapes in a picture, the patterns that fill some of them left out."""
     return re.sub(r"<pattern.*?</pattern>", "", panel, flags=re.DOTALL).count("<path")
@@ -103,6 +130,14 @@ def test_braking_is_shaded_as_needless_or_not(needless: bool) -> None:
     assert drawn(panel) - drawn(plain) == 5
     assert panel.count("fill: url(") - plain.count("fill: url(") == (5 if needless else 0)
     assert (panel.lower().count(vermillion) > plain.lower().count(vermillion)) == needless
+
+
+def test_braking_that_nobody_can_judge_looks_like_neither() -> None:
+    panels = [
+        drive_figure(curves(braking=(Braking(1.0, 1.5, needless),))).panels[0]
+        for needless in (True, False, None)
+    ]
+    assert len(set(panels)) == 3
 
 
 def test_a_drive_with_nobody_near_says_so() -> None:
@@ -144,8 +179,10 @@ def test_the_player_works_on_a_phone_without_a_message_in_the_console(
     require_tool: Callable[..., str], tmp_path: Path
 ) -> None:
     browser = require_tool("chromium", "chromium-browser", "google-chrome")
+    last = cases.frames()[-1]
+    silent = dataclasses.replace(last, t_s=last.t_s + 0.1, decided=False, policies=(), levels=())
     page = simulation_page(
-        report(cases.frames(), curves(braking=(Braking(1.0, 2.0, needless=True),))),
+        report((*cases.frames(), silent), curves(braking=(Braking(1.0, 2.0, needless=True),))),
         version="0", command="x",
     )  # fmt: skip
     found, console = browse(browser, page.html(), tmp_path)

@@ -232,7 +232,9 @@ def command_line(
     positional: the arguments that are given without an option, in their order; repeated: those
     whose option stands before every value.
     """
-    words = ["workbench", command, *(str(getattr(args, name)) for name in positional)]
+    given = (getattr(args, name) for name in positional)
+    words = ["workbench", command]
+    words += [str(word) for each in given for word in (each if isinstance(each, list) else [each])]
     for name, value in sorted(vars(args).items()):
         option = "--" + name.replace("_", "-")
         if value is None or value is False or name in ("json", *positional):

@@ -39,13 +39,7 @@ def chosen_vehicle(args: argparse.Namespace) -> Vehicle:
 
     if args.vehicle is None:
         return gem_e2()
-    try:
-        return load_vehicle(args.vehicle)
-    except OSError as error:
-        raise InputError(
-            f"--vehicle: expected a vehicle file that can be read, got {args.vehicle} "
-            f"({error.strerror}); name a TOML file, `workbench new vehicle NAME` writes one to edit"
-        ) from error
+    return load_vehicle(args.vehicle)
 
 
 def add_deciding_option(parser: argparse.ArgumentParser) -> None:
@@ -67,11 +61,20 @@ def add_output_option(parser: argparse.ArgumentParser, *, default: str) -> None:
     """Add `--out DIR`; pass its value to `writable_folder` before any work."""
     parser.add_argument(
         "--out",
-        type=Path,
+        type=_folder,
         metavar="DIR",
         default=Path(default),
         help=f"folder for the results (default: {default})",
     )
+
+
+def _folder(text: str) -> Path:
+    """A folder's name, for argparse; "" would be the current folder."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError(
+            f"expected the name of a folder, got {text!r}; the current one is ."
+        )
+    return Path(text)
 
 
 def writable_folder(folder: Path) -> Path:
@@ -84,8 +87,11 @@ def writable_folder(folder: Path) -> Path:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
+        reason = error.strerror
+        if any(each.is_file() for each in (folder, *folder.parents)):
+            reason = "it is a file, or lies in one"
         raise InputError(
-            f"expected an output folder that can be written, got {folder} ({error.strerror}); "
+            f"expected an output folder that can be written, got {folder} ({reason}); "
             "choose another with --out DIR, or change its permissions"
         ) from error
     return folder

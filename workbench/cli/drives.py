@@ -12,7 +12,9 @@ from workbench.cli.simulate_subject import (
     add_rig_options,
     chosen_rig,
     chosen_scenario,
+    chosen_vehicle,
     require_rig_options,
+    require_steerable,
 )
 from workbench.errors import InputError
 
@@ -78,6 +80,8 @@ def run(args: argparse.Namespace) -> int:
             "by its name"
         )
     scenes = [chosen_scenario(name) for name in names]
+    for scene, _ in scenes:
+        require_steerable(scene, chosen_vehicle(args))
     runs = _logged(args, logs) if logs else []
     runs += _driven(args, [scene for scene, _ in scenes], range(first, last + 1)) if names else []
     with output_folder(args.out) as out:

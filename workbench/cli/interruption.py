@@ -1,4 +1,5 @@
-"""Ctrl-C that arrives: CasADi's type checks clear a KeyboardInterrupt raised inside them."""
+"""Ctrl-C that arrives: CasADi's type checks clear a KeyboardInterrupt raised inside them. Other
+signals that end a command as Ctrl-C does."""
 
 from __future__ import annotations
 
@@ -14,6 +15,8 @@ from typing import Final
 # Raised again this often until it leaves the command; one try can be cleared, not all of them.
 _AGAIN_S: Final = 0.05
 _SAID: Final = b"\nstopping; Ctrl-C again stops at once\n"
+
+_ENDING: Final = (signal.SIGTERM, signal.SIGHUP)
 
 _asked = threading.Event()
 
@@ -40,6 +43,34 @@ def stoppable() -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGINT, signal.default_int_handler)
         signal.signal(signal.SIGALRM, alarm)
+
+
+@contextlib.contextmanager
+def ended_kindly() -> Iterator[None]:
+    """Within the block the first SIGTERM or SIGHUP ends in KeyboardInterrupt, so that whatever was
+    started ends too; the next ones do nothing.
+
+    Leaves alone what somebody else handles or ignores, and all of it outside the main thread.
+    """
+    ours: list[signal.Signals] = []
+    if threading.current_thread() is threading.main_thread():
+        ours = [each for each in _ENDING if signal.getsignal(each) is signal.SIG_DFL]
+    for each in ours:
+        signal.signal(each, _end)
+    try:
+        yield
+    finally:
+        for each in ours:
+            signal.signal(each, signal.SIG_DFL)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    if _asked.is_set():
+        return
+    if signal.getsignal(signal.SIGALRM) is _raise_again:
+        _stop(number, frame)
+    _asked.set()
+    raise KeyboardInterrupt
 
 
 def check() -> None:

@@ -33,6 +33,10 @@ POLICIES: Final = ("LookAhead", "FailSafe", "both")
 EVERY: Final = "every"
 """Each of them in turn, in a table."""
 _DRIVES: Final = "--desk, --real-time, --intents"
+_OF_DRIVES: Final = (
+    "plant", "seed", "horizon", "vehicle", "sensors", "bundle", "intents", "localiser", "site",
+    "desk", "real_time",
+)  # fmt: skip
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -108,6 +112,16 @@ def _require(args: argparse.Namespace) -> None:
     if several(args) and (args.real_time or args.intents):
         raise InputError(
             "--real-time, --intents: expected one SCENARIO, plant and policy, got several; name one"
+        )
+    if args.jobs != 1 and not several(args):
+        raise InputError(
+            f"--jobs: expected with a table of several drives, got {args.jobs} without; leave it "
+            "out"
+        )
+    ignored = [name for name in _OF_DRIVES if args.list and getattr(args, name)]
+    if ignored:
+        raise InputError(
+            f"--list: expected alone, got --{ignored[0].replace('_', '-')} with it; leave it out"
         )
     require_rig_options(args)
     require_localiser_options(args)

@@ -6,8 +6,9 @@ import argparse
 import math
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Final, final
 
 from workbench.cli.common import output_folder
 from workbench.cli.output import Progress, emit
@@ -16,8 +17,10 @@ from workbench.cli.simulate_subject import (
     chosen_estimator,
     chosen_rig,
     chosen_scenario,
+    chosen_vehicle,
     expected_of,
     require_goals,
+    require_steerable,
 )
 
 if TYPE_CHECKING:
@@ -25,6 +28,10 @@ if TYPE_CHECKING:
     from workbench.simulation.drive_outcomes import DriveOutcome
     from workbench.simulation.rig import Rig, Trial
     from workbench.simulation.scenarios.scenario import Expected
+
+
+FAR_WORDS: Final = "within 12 m of nobody"
+"""Farther off nobody's distance is measured: |dx| + |dy| from the middle of the rear axle."""
 
 
 @final
@@ -35,7 +42,7 @@ class Found:
     rig, trial, policy: what drove; notes: what a reader must know; driven: turn by turn, None at
     the desk; outcome; undisturbed_m: how near a car that never brakes comes to anybody, inf for
     nobody near; took_s: time of the drive, without building; live: whether it was driven in real
-    time.
+    time; ranged: whether a localiser told where the car was.
     """
 
     rig: Rig
@@ -47,6 +54,7 @@ class Found:
     undisturbed_m: float
     took_s: float
     live: bool = False
+    ranged: bool = False
 
     @property
     def expected(self) -> Expected:
@@ -77,6 +85,7 @@ def drive_one(args: argparse.Namespace) -> int:
     from workbench.simulation.rig import Trial
 
     scenario, notes = chosen_scenario(args.scenario[0])
+    require_steerable(scenario, chosen_vehicle(args))
     if args.intents:
         require_goals(scenario)
     trial = Trial(scenario, args.plant or "single-track", args.seed)
@@ -86,12 +95,21 @@ def drive_one(args: argparse.Namespace) -> int:
     else:
         from workbench.cli.simulate_page import write_files
 
-        with output_folder(args.out) as folder:
+        with output_folder(args.out) as folder, _kept(args):
             found = _driven(args, trial, notes)
             files = write_files(args, found, folder)
     emit(args, "\n".join([*summary(found), *(f"{k}: {v}" for k, v in files.items())]),
          _data(found) | files)  # fmt: skip
     return DONE if found.as_expected else CLAIM_FAILS
+
+
+def _kept(args: argparse.Namespace) -> AbstractContextManager[None]:
+    """What a drive in real time needs around it."""
+    if not args.real_time:
+        return nullcontext()
+    from workbench.cli.simulate_live import live_folder
+
+    return live_folder(args.out)
 
 
 def summary(found: Found) -> list[str]:
@@ -115,7 +133,7 @@ def _needless_words(found: Found) -> str:
 
     brakes = len(found.outcome.brakes)
     near_m = found.undisturbed_m
-    comes = "near nobody" if near_m == math.inf else f"as near as {near_m:.2f} m to somebody"
+    comes = FAR_WORDS if near_m == math.inf else f"as near as {near_m:.2f} m to somebody"
     if near_m < 0.0:
         comes = "into contact with somebody"
     return (
@@ -145,6 +163,7 @@ def _undisturbed_m(rig: Rig, trial: Trial) -> float:
 
 
 def _driven(args: argparse.Namespace, trial: Trial, notes: tuple[str, ...]) -> Found:
+    from workbench.simulation.holding import holding_notes
     from workbench.simulation.rig import outcome_on_bus
 
     if args.real_time:
@@ -156,9 +175,10 @@ def _driven(args: argparse.Namespace, trial: Trial, notes: tuple[str, ...]) -> F
         rig, driven, took_s, more = drive(args, trial, _advancing(bar))
         undisturbed_m = _undisturbed_m(rig, trial)
     outcome = outcome_on_bus(driven, trial.scenario)
+    notes = (*notes, *more, *holding_notes(driven.instants))
     return Found(
-        rig, trial, args.policy, (*notes, *more), driven, outcome, undisturbed_m, took_s,
-        live=args.real_time,
+        rig, trial, args.policy, notes, driven, outcome, undisturbed_m, took_s,
+        live=args.real_time, ranged=args.localiser,
     )  # fmt: skip
 
 

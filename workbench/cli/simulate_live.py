@@ -4,14 +4,16 @@ path, with `--localiser` told by the real localiser."""
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
+import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from workbench.cli.common import writable_folder
+from workbench.cli.interruption import ended_kindly
 from workbench.cli.private_key import read_private_key, signature_file, write_pair
 from workbench.cli.sign import sign_bundle
 from workbench.cli.simulate_localiser import INSTEAD, built_localiser, ranging_of
@@ -33,9 +35,7 @@ def driven_live(
     args: argparse.Namespace, trial: Trial, progress: Callable[[int, int], None]
 ) -> Driven:
     """Build, sign with a key that nobody keeps, start, arm, drive; the bundle stays in OUT/bundle,
-    logs in OUT/log, a localiser in OUT/localiser.
-
-    Raises InputError where one of them is there already, before any work.
+    logs in OUT/log, a localiser in OUT/localiser. Within `live_folder`.
     """
     from workbench.runtime import load_bundle
     from workbench.simulation.bus_drive import Recorded
@@ -43,28 +43,45 @@ def driven_live(
     from workbench.simulation.live_drive import drive_live
     from workbench.simulation.rig import Rig
 
-    out = writable_folder(args.out)
-    log = out / "log"
-    for there in (log, out / "bundle", out / "localiser"):
-        if there.exists():
-            raise InputError(
-                f"--out: expected a folder without bundle, localiser and log, got {there}; "
-                "name another one, or move it away"
-            )
     with tempfile.TemporaryDirectory(prefix="workbench-") as place:
         keys = Path(place) / "drive.key"
         write_pair(keys)
         installed, ranging = _installed(args, trial, keys), None
         if args.localiser:
             installed, ranging = _with_localiser(args, installed, keys)
+        keys.unlink()
         progress(0, 1)
         rig = Rig(load_bundle(installed.bundle), chosen_vehicle(args))
         setting = BusSetting(rig.settings.maker, ranging=ranging)
         world = rig.world(trial, setting)
         begun_s = time.monotonic()
-        live = drive_live(world, installed, log, Recorded(), progress=progress)
+        live = drive_live(world, installed, args.out / "log", Recorded(), progress=progress)
         took_s = time.monotonic() - begun_s
     return rig, live.driven, took_s, _notes(live)
+
+
+@contextlib.contextmanager
+def live_folder(out: Path) -> Iterator[None]:
+    """For a drive that leaves bundle, localiser and log in a folder: where the block fails they go
+    again, so that the same command can be given once more. SIGTERM and SIGHUP break it off as
+    Ctrl-C does.
+
+    Raises InputError where one of them is there already.
+    """
+    made = [out / name for name in ("log", "bundle", "localiser")]
+    for there in made:
+        if there.exists():
+            raise InputError(
+                f"--out: expected a folder without bundle, localiser and log, got {there}; "
+                "name another one, or move it away"
+            )
+    with ended_kindly():
+        try:
+            yield
+        except BaseException:
+            for each in made:
+                shutil.rmtree(each, ignore_errors=True)
+            raise
 
 
 def _installed(args: argparse.Namespace, trial: Trial, private: Path) -> Installed:
@@ -82,11 +99,12 @@ def _installed(args: argparse.Namespace, trial: Trial, private: Path) -> Install
         simulated_sensors,
     )
 
-    shipped = ranged_sensors() if args.localiser else simulated_sensors()
+    sensors = chosen_sensors(args)
+    if sensors is None:
+        sensors = ranged_sensors() if args.localiser else simulated_sensors()
     spec = MonitorSpec(
         chosen_vehicle(args), args.horizon or HORIZON_S, STEP_S, path=path_table(trial.scenario),
-        deciding=Deciding(args.policy), monitor=MONITOR,
-        sensors=chosen_sensors(args) or shipped,
+        deciding=Deciding(args.policy), monitor=MONITOR, sensors=sensors,
     )  # fmt: skip
     bundle = build_bundle(spec, args.out / "bundle")
     sign_bundle(bundle, private)

@@ -37,13 +37,14 @@ def add_localiser_options(parser: argparse.ArgumentParser) -> None:
 
 
 def require_localiser_options(args: argparse.Namespace) -> None:
-    """Raise InputError where they contradict each other or the others."""
+    """Raise InputError where they contradict each other or the others, and for a broken site."""
     if args.site is not None and not args.localiser:
         raise InputError("--site: expected with --localiser, got it alone; add --localiser")
     if args.localiser and args.desk:
         raise InputError(
             "--localiser: expected without --desk: the localiser hears frames; leave --desk out"
         )
+    _site(args)
 
 
 def built_localiser(args: argparse.Namespace, folder: Path | None = None) -> Built:
@@ -73,6 +74,8 @@ def localiser_notes(driven: BusDrive) -> tuple[str, ...]:
 
 
 def _site(args: argparse.Namespace) -> Site | None:
+    if args.site is None:
+        return None
     from workbench.estimation.localisation_site import load_site
 
-    return None if args.site is None else load_site(args.site)
+    return load_site(args.site)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -22,6 +23,8 @@ _HEADROOM: Final = 1.2
 _BEYOND_S: Final = 0.5
 _MOST_AGE_S, _GONE_AGE_S = 0.5, 1.0
 _GEOMETRY_TOLERANCE_M: Final = 0.02
+_ROUNDING: Final = 1e-9
+_LOOK_M: Final = 0.05
 _NEEDED: Final = ("drive_by_wire", "monitor", "sensors")
 
 
@@ -71,11 +74,46 @@ def add_rig_options(parser: argparse.ArgumentParser, *, bundle: str) -> None:
 
 
 def require_rig_options(args: argparse.Namespace) -> None:
-    """Raise InputError where a bundle is named beside what it already says."""
+    """Raise InputError where a bundle is named beside what it already says, and for a horizon that
+    no bundle can be built for."""
     if args.bundle is not None and (args.horizon is not None or args.sensors is not None):
         raise InputError(
             "--bundle: expected without --horizon and --sensors, which are the bundle's own; leave "
             "them out, or leave it out to build one"
+        )
+
+    if args.horizon is not None:
+        _require_horizon(args.horizon)
+
+
+def _require_horizon(horizon_s: float) -> None:
+    from workbench.codegen.bundle import MOST_STEPS
+    from workbench.simulation.simulated import STEP_S
+
+    steps = horizon_s / STEP_S
+    if not (1.0 - _ROUNDING <= steps <= MOST_STEPS and abs(steps - round(steps)) <= _ROUNDING):
+        raise InputError(
+            f"--horizon: expected {STEP_S:g} to {MOST_STEPS * STEP_S:g} s in whole steps of "
+            f"{STEP_S:g} s, got {horizon_s:g}; 3 is usual"
+        )
+
+
+def require_steerable(scenario: Scenario, vehicle: Vehicle) -> None:
+    """Raise InputError for a path that bends more than the car can steer:
+    |curvature| <= tan(steering_rad) / wheelbase_m."""
+    import numpy as np
+
+    path, angle_rad = scenario.path, vehicle.limits.steering_rad
+    most = math.tan(angle_rad) / vehicle.geometry.wheelbase_m
+    stations = np.linspace(0.0, path.length_m, max(2, math.ceil(path.length_m / _LOOK_M)))
+    bends = np.abs(path.curvature(stations))
+    worst = int(np.argmax(bends))
+    if bends[worst] > most:
+        raise InputError(
+            f"{scenario.name}: expected a path with a curvature of at most {most:.3g} 1/m, what "
+            f"{vehicle.name} can steer (tan of {angle_rad:g} rad over its wheelbase), got "
+            f"{bends[worst]:.3g} 1/m at station {stations[worst]:.1f} m; move the waypoints there "
+            "apart, or leave some out"
         )
 
 

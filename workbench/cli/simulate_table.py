@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import functools
 import itertools
 import multiprocessing
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,7 @@ from workbench.cli.simulate_subject import (
     chosen_scenario,
     chosen_vehicle,
     expected_of,
+    require_steerable,
 )
 
 if TYPE_CHECKING:
@@ -69,8 +71,9 @@ def drive_many(args: argparse.Namespace) -> int:
     from workbench.simulation.simulated import simulated_path
 
     names = library() if args.all else tuple(dict.fromkeys(args.scenario))
+    vehicle = chosen_vehicle(args)
     for name in names:
-        chosen_scenario(name)
+        require_steerable(chosen_scenario(name)[0], vehicle)
     plant = args.plant or (EVERY if args.all else "single-track")
     plants = PLANTS if plant == EVERY else (plant,)
     policies = POLICIES if args.policy == EVERY else (args.policy,)
@@ -91,9 +94,10 @@ def drive_many(args: argparse.Namespace) -> int:
             for name, plant, policy in drives
         ]  # fmt: skip
         rows = []
-        for row in _rows(tasks, args.jobs):
-            rows.append(row)
-            bar.advance()
+        with contextlib.closing(_rows(tasks, args.jobs)) as coming:
+            for row in coming:
+                rows.append(row)
+                bar.advance()
     order = {drive: k for k, drive in enumerate(drives)}
     rows.sort(key=lambda row: order[row.scenario, row.plant, row.policy])
     _say(args, rows)
@@ -145,20 +149,24 @@ def _localiser(folder: Path) -> Built:
     return load_localiser(folder, public_key=None)
 
 
-def _rows(tasks: list[Task], jobs: int) -> Iterator[Row]:
-    """As they come."""
+def _rows(tasks: list[Task], jobs: int) -> Generator[Row]:
+    """As they come; what is still driven when nobody waits for it any more is ended at once."""
     if jobs == 1:
         yield from map(row_of, tasks)
         return
     # What a forked process would inherit here are threads of libraries that it does not have.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=context) as pool:
-        futures = [pool.submit(row_of, task) for task in tasks]
-        try:
-            for future in as_completed(futures):
-                yield future.result()
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+    others = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=context)
+    try:
+        for future in as_completed([pool.submit(row_of, task) for task in tasks]):
+            yield future.result()
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for each in set(multiprocessing.active_children()) - others:
+            each.terminate()
+        raise
+    pool.shutdown()
 
 
 def _say(args: argparse.Namespace, rows: list[Row]) -> None:

@@ -30,6 +30,11 @@ def read_file(
         raise InputError(
             f"{path}: no such {what} file; copy the shipped one, {shipped}, and edit it"
         ) from None
+    except OSError as error:
+        raise InputError(
+            f"{path}: expected a {what} file that can be read, but: {error.strerror}; name a TOML "
+            f"file, as {shipped}"
+        ) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(
             f"{path}: expected a TOML file, but: {error}; compare with {shipped}"

@@ -13,7 +13,7 @@ from workbench.report.page import Assumptions, Block, Claim, Claims, Page, Parag
 from workbench.report.plane import plane_figure
 from workbench.report.scene import Scene
 from workbench.report.tables import Table
-from workbench.report.timeline import summary_table, verdict_timeline
+from workbench.report.timeline import require_frames, summary_table, verdict_timeline
 from workbench.simulation.frames import Frame
 
 
@@ -79,7 +79,10 @@ def _crossing(report: DemoReport) -> tuple[Block, ...]:
 
 
 def decision_blocks(frames: Sequence[Frame]) -> tuple[Block, ...]:
-    """What the policies ask, the player, the timeline and the most telling decision."""
+    """What the policies ask, the player, the timeline and the most telling decision.
+
+    Raises InputError when no frame is a decision.
+    """
     caption = "The scene from above, as each decision saw it."
     moment = telling(frames)
     travelled = [(frame.x_m, frame.y_m) for frame in frames if frame.t_s <= moment.t_s]
@@ -99,8 +102,11 @@ def decision_blocks(frames: Sequence[Frame]) -> tuple[Block, ...]:
 def telling(frames: Sequence[Frame]) -> Frame:
     """The first decision that is not SAFE, else the one with the smallest proved clearance.
 
-    An INVALID one is chosen only where no UNPROVED one exists, as it has little to draw.
+    An INVALID one is chosen only where no UNPROVED one exists, as it has little to draw. Raises
+    InputError when there are no decisions.
     """
+    frames = [frame for frame in frames if frame.decided]
+    require_frames(frames)
     for verdict in (Verdict.UNPROVED, Verdict.INVALID):
         for frame in frames:
             if frame.verdict is verdict:

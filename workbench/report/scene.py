@@ -100,7 +100,8 @@ _MARKUP = """<div class="scene" role="group" aria-label="Scene player">
 <p class="key">{caption} Outline with arrow: the car. Dashed line: the path. Filled boxes:
 where the car can be in TRACK, up to the horizon or the end of the proof, coloured by what LookAhead
 says; bold empty boxes: in TRACK and then BRAKE to standstill, coloured by what FailSafe says (a few
-of many boxes). Blue: people now, and the discs predicted; dotted: where their guard lets them be.
+of many boxes). Blue: people now, and the discs predicted; dotted: where their guard lets them be;
+an arrow at the edge: somebody outside of the picture.
 <span class="left-out"></span> Keys: space plays and stops, ← and → step,
 Home and End jump, + and − zoom.</p>
 <noscript><p class="notice">The player needs JavaScript; the pictures do not.</p></noscript>
@@ -172,7 +173,8 @@ def _seen_row(frame: Frame, detail: Detail, texts: _Pool[str]) -> dict[str, obje
 
 
 def _said_row(frame: Frame, texts: _Pool[str]) -> dict[str, object]:
-    """What was said and sent: v, a, r, d decided; q policies; m nested sets; w, z warnings."""
+    """What was said and sent: v, a, r, d decided; q policies; m nested sets; w, z warnings; u where
+    nothing was decided."""
     return {
         "v": _VERDICTS.index(frame.verdict),
         "a": texts.index(frame.action),
@@ -187,6 +189,7 @@ def _said_row(frame: Frame, texts: _Pool[str]) -> dict[str, object]:
         "m": [[texts.index(m.tube), *map(_VERDICTS.index, m.verdicts)] for m in frame.levels],
         "w": [texts.index(text) for text in frame.violations],
         "z": None if frame.alert is None else texts.index(frame.alert),
+        **({} if frame.decided else {"u": 1}),
     }  # fmt: skip
 
 

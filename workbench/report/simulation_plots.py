@@ -88,12 +88,14 @@ def drive_figure(curves: DriveCurves) -> Figure:
         Key("jerk", PURPLE),
         Key("BRAKE is sent, needed", INK, filled=True),
         Key("BRAKE is sent, needless", VERMILLION, filled=True, hatch=HATCHES[1]),
+        Key("BRAKE is sent, not judged", INK, filled=True, hatch=HATCHES[3]),
     )
     caption = (
         f"Distances beyond {_FAR_M:g} m are not drawn. The clearance is that of TRACK to where "
         "people are expected to go, so that it is less than the distance. Way to standstill: speed "
         "times delay plus speed squared over twice the deceleration, for the bounds of both in the "
-        "vehicle file. Jerk: change of acceleration over 0.2 s. Shaded: BRAKE is sent."
+        "vehicle file. Jerk: change of acceleration over 0.2 s. Shaded: BRAKE is sent. The curves "
+        "of decisions break where none was made."
     )
     return Figure((panel,), legend, caption, _table(curves), wide=True)
 
@@ -107,6 +109,8 @@ def _paint(canvas: Canvas, *, curves: DriveCurves) -> None:
         for each in curves.braking:
             colour = VERMILLION if each.needless else INK
             hatch, alpha = (HATCHES[1], 0.3) if each.needless else ("", 0.15)
+            if each.needless is None:
+                hatch, alpha = HATCHES[3], 0.05
             axes.axvspan(
                 each.since_s, each.until_s, facecolor=(colour, alpha), edgecolor=INK, hatch=hatch,
                 lw=0,

@@ -28,6 +28,7 @@ from workbench.simulation.frames import Frame
 
 _TABLE_ROWS = 1000
 _LONGEST_NAME = 12
+_NO_DECISION = "no decision"
 _LEVELS = {Verdict.INVALID: 0.0, Verdict.UNPROVED: 1.0, Verdict.SAFE: 2.0}
 
 
@@ -46,9 +47,13 @@ def require_frames(frames: Sequence[Frame]) -> None:
 def verdict_timeline(frames: Sequence[Frame]) -> Figure:
     """Verdict, each policy's verdict, proved clearance and speed of every decision over time.
 
-    frames: the decisions in time order. Raises InputError when there are none.
+    frames: the decisions in time order, turns without one among them. Raises InputError when there
+    are none.
     """
     require_frames(frames)
+    silent: tuple[Key, ...] = ()
+    if not all(frame.decided for frame in frames):
+        silent = (Key(_NO_DECISION, INK, mark="+"),)
     panel = svg_panel(
         partial(_paint_timeline, frames=frames),
         label="Verdict, clearance and speed over time",
@@ -62,6 +67,7 @@ def verdict_timeline(frames: Sequence[Frame]) -> Figure:
         ),
         Key("BRAKE is sent", VERMILLION, mark="."),
         Key("violation or alert", VERMILLION, mark="|"),
+        *silent,
     )
     caption = (
         "One mark per decision. Only SAFE permits tracking; UNPROVED does not mean unsafe. "
@@ -77,15 +83,27 @@ def _paint_timeline(canvas: Canvas, *, frames: Sequence[Frame]) -> None:
     )
     _paint_said(said_axes, frames)
     for verdict, mark in VERDICT_MARKS.items():
-        chosen = [frame for frame in frames if frame.verdict is verdict]
+        chosen = [frame for frame in frames if frame.decided and frame.verdict is verdict]
         times = [frame.t_s for frame in chosen]
         clearances = [math.nan if f.clearance_m is None else f.clearance_m for f in chosen]
         style = {"color": VERDICT_COLOURS[verdict], "linestyle": "none", "marker": mark}
         verdict_axes.plot(times, [_LEVELS[verdict]] * len(times), markersize=4, **style)
         clearance_axes.plot(times, clearances, markersize=3.5, **style)
-    verdict_axes.set_yticks(list(_LEVELS.values()), [level.value for level in _LEVELS])
-    verdict_axes.set_ylim(-0.5, 2.5)
+    levels = {level.value: at for level, at in _LEVELS.items()}
+    silent = [frame.t_s for frame in frames if not frame.decided]
+    if silent:
+        levels["none"] = -1.0
+        verdict_axes.plot(silent, [-1.0] * len(silent), "+", color=INK, markersize=5)
+    verdict_axes.set_yticks(list(levels.values()), list(levels))
+    verdict_axes.set_ylim(min(levels.values()) - 0.5, 2.5)
     verdict_axes.set_ylabel("verdict")
+    if all(frame.clearance_m is None for frame in frames):
+        clearance_axes.set_ylim(0.0, 1.0)
+        clearance_axes.text(
+            0.5, 0.5, "none proved, or nobody there", transform=clearance_axes.transAxes,
+            ha="center", va="center",
+        )  # fmt: skip
+        clearance_axes.set_yticks([])
     clearance_axes.set_ylabel("proved\nclearance (m)")
     speed_axes.plot(
         [f.t_s for f in frames], [f.speed_mps for f in frames], color=INK, linewidth=1.3
@@ -127,7 +145,8 @@ def decision_table(frames: Sequence[Frame]) -> Table:
     tubes = list(dict.fromkeys(level.tube for frame in frames for level in frame.levels))
     rows: list[list[Cell]] = [
         [
-            f.t_s, f.verdict.value, f.action, f.sent or None, f.clearance_m, f.speed_mps,
+            f.t_s, f.verdict.value if f.decided else _NO_DECISION, f.action, f.sent or None,
+            f.clearance_m, f.speed_mps,
             len(f.people), f.reason, *_said(f, tubes), "; ".join(f.violations), f.alert or "",
         ]
         for f in chosen
@@ -150,8 +169,9 @@ def _said(frame: Frame, tubes: Sequence[str]) -> list[Cell]:
 def summary_table(frames: Sequence[Frame]) -> Table:
     """Counts and shares of verdicts, actions, each policy's verdicts, violations and alerts.
 
-    Raises InputError when there are no frames.
+    Turns without a decision do not count. Raises InputError when there are no decisions.
     """
+    frames = [frame for frame in frames if frame.decided]
     require_frames(frames)
     total = len(frames)
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 import random
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, final
 
 from workbench.estimation.people_estimator import PeopleNow
-from workbench.runtime.decision import Action
+from workbench.runtime.decision import Action, Decision
+from workbench.runtime.grounds import ground_of
 from workbench.runtime.observation import Observation
 from workbench.runtime.onboard.core import Core
 from workbench.runtime.onboard.faults import Found, Reaction
@@ -20,6 +22,7 @@ from workbench.runtime.policies import Ground, Turn
 from workbench.simulation.bus_world import BusWorld
 from workbench.simulation.measures import Drawing, Moment, Progress
 from workbench.simulation.objections import Objections
+from workbench.simulation.onboard_operator import ASKS, refused_as_latched
 from workbench.simulation.people import PeopleModel
 from workbench.simulation.plants.chassis import Motion
 from workbench.simulation.ranged_place import Told
@@ -43,7 +46,7 @@ class Instant:
 
     t_s: on the scenario's clock; tracks: whether TRACK was sent; faults: names of those that brake
     or yield; station_m: of the car on its path; observation: of a turn that decided; grounds: what
-    stands against TRACK (`Objections`).
+    stands against TRACK (`Objections`); details: in words, for each of the faults.
     """
 
     t_s: float
@@ -55,6 +58,7 @@ class Instant:
     faults: tuple[str, ...]
     observation: Observation | None
     grounds: tuple[Ground, ...]
+    details: tuple[str, ...] = ()
 
 
 @final
@@ -76,7 +80,7 @@ class BusLoop:
     def __init__(self, core: Core, world: BusWorld, *, seed: int) -> None:
         self._core, self._world = core, world
         self._chance = random.Random(f"decisions {seed}")
-        self._at_us, self._asked_us = 0, -_AGAIN_US
+        self._at_us, self._asked_us, self._latched = 0, -_AGAIN_US, False
         self._result: TurnResult | None = None
 
     def turn(self) -> TurnResult:
@@ -98,19 +102,19 @@ class BusLoop:
     def _asks(self) -> Request | None:
         """ARM once the scenario has begun, and again where a fault has ended the driving."""
         result = self._result
+        self._latched = result is not None and (self._latched or refused_as_latched(result))
         late = self._at_us - self._asked_us < _AGAIN_US
         early = self._at_us < self._world.begun_us + _ARM_US
-        if result is None or early or late or result.state not in _ASKS:
+        if result is None or early or late or result.state not in ASKS:
             return None
         self._asked_us = self._at_us
-        return _ASKS[result.state]
+        if self._latched and result.state is State.YIELDED:
+            self._latched = False
+            return Request.DISARM
+        return ASKS[result.state]
 
 
-_ASKS: Final = {
-    State.DISARMED: Request.ARM,
-    State.FAULT: Request.DISARM,
-    State.YIELDED: Request.REARM,
-}
+_SENT: Final = {State.TRACKING: "TRACK", State.BRAKING: "BRAKE", State.FAULT: "BRAKE"}
 
 
 @final
@@ -157,7 +161,7 @@ class _Story:
     def turned(self, result: TurnResult) -> None:
         """One turn has ended."""
         world, scene = self._world, self._world.scene
-        faults = tuple(each.fault.name for each in result.faults if answered(each))
+        faults, details = names_and_details(result.faults)
         grounds = self._objections.after(result.decision, blind=bool(faults))
         if world.scenario_s < 0.0:
             return
@@ -175,6 +179,7 @@ class _Story:
                 faults,
                 result.observation,
                 grounds,
+                details,
             )
         )
         for person in people:
@@ -202,14 +207,37 @@ class _Story:
 def entry_of(
     moment: Moment, result: TurnResult, tracks: tuple[Track, ...], drawing: Drawing
 ) -> Entry:
-    """A decision as a page shows it; what the core found wrong stands among the violations."""
+    """A decision as a page shows it. Among the violations stand what the core found wrong, and what
+    stood against TRACK by the name of its ground, people apart, where nothing else names it."""
     assert result.decision is not None, "only turns that decided are kept"
     assert result.observation is not None, "a decision is about one"
     moment = dataclasses.replace(moment, people=tracks)
     entry = moment.entry(result.observation, result.decision, drawing)
-    found = [f"{each.fault.name}: {each.detail}" for each in result.faults if answered(each)]
-    frame = dataclasses.replace(entry.frame, violations=(*entry.frame.violations, *found))
+    names, details = names_and_details(result.faults)
+    found = [f"{name}: {detail}" for name, detail in zip(names, details, strict=True)]
+    found += _against_track(result.decision, blind=bool(found))
+    frame = dataclasses.replace(
+        entry.frame, violations=(*entry.frame.violations, *found), sent=sent_in(result.state)
+    )
     return dataclasses.replace(entry, frame=frame)
+
+
+def sent_in(state: State) -> str:
+    """ "TRACK" or "BRAKE" as the state sends it; "" where it sends neither."""
+    return _SENT.get(state, "")
+
+
+def _against_track(decision: Decision, *, blind: bool) -> list[str]:
+    named = {Ground.PEOPLE, *(ground_of(each.hypothesis) for each in decision.violations)}
+    if blind:
+        named.add(Ground.READING)
+    return [f"{each.name}: {decision.reason}" for each in decision.grounds if each not in named]
+
+
+def names_and_details(found: Sequence[Found]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the faults that the core answers, and what it says of each."""
+    those = [each for each in found if answered(each)]
+    return tuple(each.fault.name for each in those), tuple(each.detail for each in those)
 
 
 def answered(found: Found) -> bool:

@@ -89,6 +89,8 @@ class Frame:
     at t_s, "" where nothing was. policies, levels: what each policy and each nested set said;
     violations: hypotheses that failed, and limits that people broke, in words; alert: the warning
     to a person, None without one.
+    decided: False for a turn of the loop that made no decision; what is said of decisions, the
+    verdict (INVALID) first, is then empty.
     Raises InputError where a number cannot be placed in the plane; occupancy and predictions may
     hold such numbers, as failed proofs do, and are then left out of pictures.
     """
@@ -114,6 +116,7 @@ class Frame:
     levels: tuple[LevelVerdicts, ...] = ()
     violations: tuple[str, ...] = ()
     alert: str | None = None
+    decided: bool = True
 
     def __post_init__(self) -> None:
         # A recording's clock may count from anywhere, so its instants may be large.

@@ -111,7 +111,8 @@ class Program:
 
 @final
 class Operator:
-    """Who asks the monitor for its state, arms it, and arms it again after a fault."""
+    """Who asks the monitor for its state, arms it, and arms it again after a fault; a car that was
+    yielded with a latched fault is disarmed first, as REARM has no effect then."""
 
     def __init__(self, control: Path) -> None:
         self._control, self.state = control, ""
@@ -129,12 +130,16 @@ class Operator:
         self._thread.join()
 
     def _operate(self) -> None:
+        rearmed = False
         while not self._over.wait(_ASKED_EVERY_S):
             with contextlib.suppress(InputError, OSError):
                 found = ask(self._control, "status", wait_s=0.5)
                 self.state = str(found.get("state", ""))
-                word = _WORDS.get(self.state)
+                word, yielded = _WORDS.get(self.state), self.state == State.YIELDED.name
+                if yielded and rearmed:
+                    word = "disarm"
                 if word is not None and self._arms.is_set():
+                    rearmed = yielded and not rearmed
                     ask(self._control, word.format(code=found.get("code")), wait_s=0.5)
                     self._over.wait(1.0)
 

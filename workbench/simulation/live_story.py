@@ -14,7 +14,7 @@ from workbench.runtime.onboard.intake import BusError
 from workbench.runtime.onboard.states import State
 from workbench.runtime.onboard.turns import TurnResult
 from workbench.runtime.policies import Turn
-from workbench.simulation.bus_drive import BusDrive, Instant, Recorded, answered, entry_of
+from workbench.simulation.bus_drive import BusDrive, Instant, Recorded, entry_of, names_and_details
 from workbench.simulation.bus_world import BusWorld
 from workbench.simulation.measures import Drawing, Moment
 from workbench.simulation.objections import Objections
@@ -119,12 +119,12 @@ class LiveStory:
 
 def _instant(beat: _Beat, result: TurnResult | None, objections: Objections) -> Instant:
     tracks = beat.state is State.TRACKING
-    faults = () if result is None else tuple(f.fault.name for f in result.faults if answered(f))
+    faults, details = names_and_details(() if result is None else result.faults)
     observation = None if result is None else result.observation
     decision = None if result is None else result.decision
     return Instant(
         beat.t_s, beat.motion, beat.car.station_m, beat.state, tracks, beat.people, faults,
-        observation, objections.after(decision, blind=bool(faults)),
+        observation, objections.after(decision, blind=bool(faults)), details,
     )  # fmt: skip
 
 

@@ -186,6 +186,7 @@ def _decision_line(entry: Entry) -> dict[str, Any]:
     line: dict[str, Any] = plain(entry)
     frame = line.pop("frame")
     frame.pop("path")
+    frame.pop("decided")
     for name in ("occupancy", "stop_occupancy"):
         frame[name] = _millimetres(frame[name])
     for person in frame["people"]:
@@ -250,6 +251,7 @@ _FRAME_SCALARS = tuple(
         "policies",
         "levels",
         "violations",
+        "decided",
     )
 )
 _ENTRY_SCALARS = tuple(

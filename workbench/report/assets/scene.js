@@ -23,6 +23,7 @@
   const shows = (policy) => [0, policy].includes(Number(find("shown").value));
   // Tubes have the colours of the policy they decide; pages of one policy have one verdict.
   const said = (frame, policy) => (frame.q.length ? frame.q[policy - 1][1] : frame.v);
+  const undecided = (frame) => "no decision, " + (scene.texts[frame.e] || "nothing") + " sent";
   const goal = (wanted) => scene.texts[wanted[0]] + " " + wanted[1] + " %";
   const discs = (person) => summed(person.slice(1), 3, [CM, CM, CM]);
   const car = (frame) => [frame.c[0] * CM, frame.c[1] * CM, frame.c[2] * MRAD];
@@ -117,11 +118,33 @@
     pen.arc(eye.x(at[0]), eye.y(at[1]), Math.max(1, at[2] * eye.scale), 0, 2 * Math.PI);
   }
 
-  function drawPeople(pen, eye, frame, ink, blue) {
-    const at = car(frame);
+  // An arrow at the edge towards somebody who is outside of the picture, and how far off they are.
+  function drawOutside(canvas, eye, frame, person, ink, blue) {
+    const pen = canvas.pen, at = car(frame), here = [person[1] * CM, person[2] * CM];
+    const x = eye.x(here[0]), y = eye.y(here[1]);
+    if (x >= 0 && x <= canvas.width && y >= 0 && y <= canvas.height) return;
+    const edgeX = Math.max(12, Math.min(canvas.width - 12, x));
+    const edgeY = Math.max(46, Math.min(canvas.height - 28, y));
+    pen.save();
+    pen.translate(edgeX, edgeY);
+    pen.rotate(Math.atan2(y - edgeY, x - edgeX));
+    pen.fillStyle = blue;
+    pen.beginPath(); pen.moveTo(10, 0); pen.lineTo(-5, -6); pen.lineTo(-5, 6); pen.closePath(); pen.fill();
+    pen.restore();
+    if (frame.p.length > 6) return;
+    const right = edgeX > canvas.width / 2, far = Math.hypot(here[0] - at[0], here[1] - at[1]);
+    pen.fillStyle = ink;
+    pen.textAlign = right ? "right" : "left";
+    pen.fillText(scene.texts[person[0]] + ", " + far.toFixed(0) + " m off", edgeX + (right ? -14 : 14), edgeY + 4);
+    pen.textAlign = "left";
+  }
+
+  function drawPeople(canvas, eye, frame, ink, blue) {
+    const at = car(frame), pen = canvas.pen;
     pen.font = "12px system-ui, sans-serif";
     frame.p.forEach(function (person, rank) {
       const rounds = discs(person);
+      drawOutside(canvas, eye, frame, person, ink, blue);
       pen.fillStyle = pen.strokeStyle = blue;
       if (shows(1)) rounds.slice(1).forEach(function (round) {
         disc(pen, eye, round);
@@ -179,19 +202,19 @@
     if (shows(1)) drawTube(pen, eye, rectangles(frame), said(frame, 1), 0.16, 1);
     if (shows(2)) drawTube(pen, eye, boxes(frame.h), said(frame, 2), 0, 2.2);
     pen.setLineDash([]); pen.globalAlpha = 1;
-    drawPeople(pen, eye, frame, ink, blue);
+    drawPeople(canvas, eye, frame, ink, blue);
     drawCar(pen, eye, frame, ink);
     pen.font = "bold 15px system-ui, sans-serif";
-    const label = verdict[0] + " · " + scene.texts[frame.a];
-    pen.fillStyle = verdict[1]; pen.fillRect(6, 6, pen.measureText(label).width + 16, 24);
+    const label = frame.u ? undecided(frame) : verdict[0] + " · " + scene.texts[frame.a];
+    pen.fillStyle = frame.u ? "#ccc" : verdict[1]; pen.fillRect(6, 6, pen.measureText(label).width + 16, 24);
     pen.fillStyle = "#111"; pen.fillText(label, 14, 23);
   }
 
   function drawStrip() {
     const canvas = fitted(strip), each = canvas.width / frames.length;
     frames.forEach(function (frame, k) {
-      canvas.pen.fillStyle = scene.verdicts[frame.v][1];
-      const tall = [1, 0.7, 0.4][frame.v] * canvas.height;
+      canvas.pen.fillStyle = frame.u ? "#888" : scene.verdicts[frame.v][1];
+      const tall = (frame.u ? 0.15 : [1, 0.7, 0.4][frame.v]) * canvas.height;
       canvas.pen.fillRect(Math.floor(k * each), canvas.height - tall, Math.ceil(each) + 1, tall);
     });
     canvas.pen.fillStyle = getComputedStyle(root).color;
@@ -200,8 +223,8 @@
 
   function show(to) {
     index = Math.max(0, Math.min(frames.length - 1, to));
-    const frame = frames[index], verdict = scene.verdicts[frame.v][0];
-    const action = scene.texts[frame.a], time = frame.t.toFixed(2) + " s";
+    const frame = frames[index], verdict = frame.u ? "none" : scene.verdicts[frame.v][0];
+    const action = frame.u ? undecided(frame) : scene.texts[frame.a], time = frame.t.toFixed(2) + " s";
     scrubber.value = String(index);
     scrubber.setAttribute("aria-valuetext", time + ", " + verdict + ", " + action);
     find("time").textContent = time;

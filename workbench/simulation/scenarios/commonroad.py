@@ -108,9 +108,15 @@ def _problem(root: Element, wanted: str | None) -> Element:
     found = {each.get("id", ""): each for each in root.findall("planningProblem")}
     if wanted is None and len(found) == 1:
         return next(iter(found.values()))
+    if not found:
+        raise InputError(
+            "expected a <planningProblem>, got none: it says where the car begins; take a file "
+            "that has one"
+        )
     if wanted is None or wanted not in found:
         raise InputError(
-            f"expected one of the planning problems {', '.join(found) or '(none)'}, got {wanted!r}"
+            f"expected one of the planning problems {', '.join(found)}, got "
+            f"{'no choice' if wanted is None else repr(wanted)}; keep one of them in the file"
         )
     return found[wanted]
 

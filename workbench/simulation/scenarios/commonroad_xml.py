@@ -54,7 +54,8 @@ def _content(path: Path) -> bytes:
                 content = packed.read(_LARGEST_BYTES + 1)
     except (OSError, EOFError, zlib.error) as fault:
         raise InputError(
-            f"{path}: expected a CommonRoad scenario, .xml or .xml.gz, that can be read ({fault})"
+            f"{path}: expected a CommonRoad scenario, .xml or .xml.gz, that can be read, got: "
+            f"{getattr(fault, 'strerror', None) or fault}"
         ) from None
     if len(content) > _LARGEST_BYTES:
         raise InputError(f"{path}: expected at most 64 MiB of XML; take a part of the scenario")

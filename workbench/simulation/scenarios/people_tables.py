@@ -48,6 +48,8 @@ _CUES: Final[Mapping[str, Callable[[float], Cue]]] = {
     "car_within_m": CarWithin,
     "car_station_m": CarPassed,
 }
+KINDS: Final = ("ped", "sitting", "cyclist", "skater", "cart")
+"""Of whoever is written into a file; recordings have words of their own."""
 _PERSON = ("kind", "body_radius_m")
 _FIELD = ("relaxation_s", "softening_m", "obstacle", "vehicle")
 _SCRIPT = ("frame", "acceleration_mps2", "there_s")
@@ -246,6 +248,8 @@ def _start(
 
 def _who(where: str, table: _Table) -> Who:
     kind = as_text(where, "kind", table) if "kind" in table else "ped"
+    if kind not in KINDS:
+        raise InputError(f"{where} kind: expected one of {', '.join(KINDS)}, got {kind!r}")
     radius_m = _number(where, table, "body_radius_m", body_radius_m(kind))
     return Who(as_text(where, "name", table), kind, radius_m)
 

@@ -39,6 +39,7 @@ _Value = TypeVar("_Value", Ghost, Occluder)
 _NEEDED = ("title", "story", "duration_s", "passed_m", "waypoints", "expected")
 _OPTIONAL = ("sensing", "goals", "people")
 _FIGURES = ("position_m", "heading_rad", "speed_mps", "dropped", "person_m", "person_mps")
+_DURATION_S: Final = (0.1, 3600.0)
 _WHAT = ("localisation", "people")
 
 
@@ -67,8 +68,11 @@ def _scenario(document: Mapping[str, object], file: Path) -> Scenario:
     waypoints = tuple((x, y) for x, y in as_rows("the file", "waypoints", document["waypoints"], 2))
     path = SplinePath.through(waypoints)
     duration_s = as_number("the file", "duration_s", document["duration_s"])
-    if duration_s <= 0.0:
-        raise InputError(f"duration_s: expected more than 0 s, got {duration_s:g}")
+    if not _DURATION_S[0] <= duration_s <= _DURATION_S[1]:
+        raise InputError(
+            f"duration_s: expected {_DURATION_S[0]:g} to {_DURATION_S[1]:g} s, got {duration_s:g}; "
+            "some ten seconds are usual"
+        )
     return Scenario(
         name=file.stem,
         title=as_text("the file", "title", document),
@@ -134,7 +138,9 @@ def _sensing(table: Mapping[str, object]) -> Sensing:
     }
     for key, value in given.items():
         if value < 0.0 or (key == "dropped" and value >= 1.0) or (key == "watched_m" and not value):
-            raise InputError(f"{where} {key}: out of range, got {value:g}; see docs/scenarios.md")
+            wanted = {"dropped": "of at least 0, below 1", "watched_m": "above 0"}
+            fits = wanted.get(key, "of at least 0")
+            raise InputError(f"{where} {key}: expected a number {fits}, got {value:g}")
     if "delay_s" in table:
         given["delay_s"] = as_interval(where, "delay_s", table["delay_s"])
         if given["delay_s"][0] < 0.0:

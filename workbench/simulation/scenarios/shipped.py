@@ -29,8 +29,8 @@ def named(name: str) -> Scenario:
 
 def suggestion(name: str) -> str:
     """The names that this one may be meant for, as the end of a message; empty for none: those that
-    begin with it, or else the most similar ones."""
-    names = library()
+    begin with it, or else the most similar ones, small letters or large."""
+    names, name = library(), name.lower()
     near = [each for each in names if each.startswith(name)] or difflib.get_close_matches(
         name, names
     )
