@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
+import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -107,6 +108,25 @@ def test_a_missing_folder_a_link_and_a_second_monitor_are_refused(
         ControlSocket(tmp_path / "link")
     with pytest.raises(InputError, match="another one listens"):
         ControlSocket(folder)
+
+
+def test_a_folder_with_a_name_too_long_for_sockets_is_refused_and_the_longest_is_not(
+    tmp_path: Path,
+) -> None:
+    room = 107 - len("/operator-12345678/answer")
+    for spare in (0, -1):
+        with tempfile.TemporaryDirectory(prefix="") as short:
+            letters = "c" * (room - spare - len(short) - 1)
+            long = Path(short) / letters
+            long.mkdir(mode=0o700)
+            if spare < 0:
+                with pytest.raises(InputError, match=f"at most {room} bytes"):
+                    ControlSocket(long)
+                continue
+            found = ControlSocket(long)
+            with pytest.raises(InputError, match="that answers"):
+                ask(long, "status", wait_s=0.01)
+            found.close()
 
 
 def test_what_a_dead_monitor_left_does_no_harm(folder: Path) -> None:

@@ -26,6 +26,12 @@ SOCKET: Final = "monitor.socket"
 _LONGEST: Final = 4096
 _PER_TURN: Final = 4
 _ANSWER_S: Final = 1.0
+_LONGEST_NAME: Final = 107
+"""Bytes of a socket's name (`sun_path` of Linux, less its end)."""
+_OPERATOR: Final = "operator-"
+_RANDOM: Final = "12345678"
+"""As many letters as `tempfile` makes up."""
+_ANSWER: Final = "answer"
 
 
 @final
@@ -46,8 +52,8 @@ class ControlSocket:
     """Listens for one operator at a time; `heard` is called once per turn and never waits.
 
     folder: owned by this process' user and closed to everybody else (0700), because who can write
-    into it can arm the vehicle. Raises InputError where it is not, or where a monitor that is alive
-    listens already.
+    into it can arm the vehicle. Raises InputError where it is not, where its name is too long for a
+    socket, or where a monitor that is alive listens already.
     """
 
     __slots__ = ("_code", "_path", "_socket", "_state")
@@ -117,6 +123,14 @@ def _new_code() -> str:
 
 
 def _check_private(folder: Path) -> None:
+    longest = folder / f"{_OPERATOR}{_RANDOM}" / _ANSWER
+    if len(os.fsencode(longest)) > _LONGEST_NAME:
+        most = _LONGEST_NAME - len(os.fsencode(longest)) + len(os.fsencode(folder))
+        raise InputError(
+            f"{folder}: expected a folder for the control socket whose name has at most {most} "
+            "bytes, since the system takes no longer names of sockets; choose a shorter one, such "
+            "as /run/workbench"
+        )
     try:
         found = os.lstat(folder)
     except OSError as error:
@@ -145,10 +159,10 @@ def _answers(path: Path) -> bool:
 def ask(folder: Path, text: str, *, wait_s: float = _ANSWER_S) -> Mapping[str, object]:
     """One word to a monitor and its answer. Raises InputError when none comes."""
     with (
-        tempfile.TemporaryDirectory(dir=folder, prefix="operator-") as own,
+        tempfile.TemporaryDirectory(dir=folder, prefix=_OPERATOR) as own,
         socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as asking,
     ):
-        asking.bind(str(Path(own) / "answer"))
+        asking.bind(str(Path(own) / _ANSWER))
         asking.settimeout(wait_s)
         try:
             asking.sendto(text.encode("ascii", "replace"), str(folder / SOCKET))
