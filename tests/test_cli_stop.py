@@ -129,6 +129,7 @@ from workbench.cli import interruption
 from workbench.cli.main import main
 import types
 signal.signal(signal.SIGINT, {interrupt})
+signal.signal(signal.{name}, signal.SIG_DFL)
 module = types.ModuleType("workbench.cli.derive")
 module.HELP, module.EXAMPLE, module.configure = "Stands in.", "workbench derive", lambda p: None
 def run(args):

@@ -236,6 +236,10 @@ def test_misuse_is_answered_with_the_mend() -> None:
         SpeedPid(1.0, 0.1, accel_min_mps2=2.0, accel_max_mps2=1.0)
     with pytest.raises(InputError, match="finite"):
         Track(math.nan)
+    with pytest.raises(InputError, match="change_mps as"):
+        Track(2.0, (0.1, 0.2))
+    with pytest.raises(InputError, match="change_upper_mps"):
+        Track(2.0, (0.0, math.inf))
     with pytest.raises(InputError, match="lateral_m: expected a bound >= 0"):
         EstimationError(lateral_m=-0.1)
     with pytest.raises(InputError, match="acceleration_mps2"):

@@ -153,7 +153,7 @@ def test_decisions_have_a_row_each(tmp_path: Path) -> None:
 def test_a_survey_has_a_row_per_contender(tmp_path: Path) -> None:
     rate = Rate(1.0, 0.5, 2.0)
     tallies = [
-        Tally("bicycle", who, 10, 2, 1, 0.3, 1.0, rate, rate, 2.0, 0.2, 1.5, 1.0, 0.9, 100, 0.0,
+        Tally("bicycle", who, 10, 2, 1, 0.3, 1.0, rate, rate, 5, 2.0, 0.2, 1.5, 1.0, 0.9, 100, 0.0,
               0.0, 0.1, 3, 4)
         for who in ("both", "LookAhead")
     ]  # fmt: skip

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -65,10 +65,11 @@ def by_scipy(phases: Phases, *, speed_mps: float = 2.0, step_s: float = 0.005) -
 
 @settings(max_examples=60, deadline=None)
 @given(PHASES)
+@example([(-2.0, 0.62, 1.0)])  # Stops within the step in which the wheels are at their limit.
 def test_it_agrees_with_an_adaptive_integrator(phases: Phases) -> None:
     m = driven(phases)
     found = [m.x_m, m.y_m, m.heading, m.speed_mps, m.road_wheel_rad]
-    assert found == pytest.approx(by_scipy(phases), abs=2e-8)
+    assert found == pytest.approx(by_scipy(phases), abs=1e-9)
 
 
 @settings(max_examples=60, deadline=None)

@@ -163,8 +163,11 @@ _UNSURE = Uncertainty(0.05, 0.02, 0.1, 0.3, 0.04, 0.05)
 
 
 def _unsure_loops() -> tuple[Ode, Ode, Ode]:
-    """The same with estimation errors, disturbances and an uncertain wheelbase."""
-    vehicle, frame = dataclasses.replace(gem_e2(), uncertainty=_UNSURE), PathFrame(-0.5, 0.5)
+    """The same with estimation errors, disturbances, an uncertain wheelbase and a reference speed
+    that changes."""
+    changing = dataclasses.replace(gem_e2().operation, reference_change_mps=(-0.5, 0.7))
+    vehicle = dataclasses.replace(gem_e2(), uncertainty=_UNSURE, operation=changing)
+    frame = PathFrame(-0.5, 0.5)
     track, brake = (
         with_ranged_parameters_as_disturbances(vehicle.uncertain_loop(mode, frame).ode)
         for mode in (vehicle.track(), vehicle.brake.mode())
@@ -204,7 +207,9 @@ def test_while_braking_the_steering_is_disturbed_as_much_as_ever() -> None:
     assert ((share > 0.0) & (share < 1.0)).sum() > 30
     p = {TRACKING: 0.0, BRAKING: 1.0, INTEGRATING: 0.0}
     expected = _rates(brake, np.vstack([x, np.full(_COUNT, 0.3)]), {}, w)[:7]
-    got = _rates(loop, x, p, w | {BRAKE_SPEED: moving, **_steered(share)})
+    # Nor does BRAKE follow a reference speed.
+    changes = {"reference_speed_change": chance.uniform(-0.5, 0.7, _COUNT)}
+    got = _rates(loop, x, p, w | changes | {BRAKE_SPEED: moving, **_steered(share)})
     others = [i for i, name in enumerate(loop.names) if name != "speed"]
     np.testing.assert_allclose(got[others], expected[others], rtol=1e-13, atol=1e-14)
     frozen = share == 0.0

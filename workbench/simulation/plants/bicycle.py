@@ -62,13 +62,18 @@ class BicycleChassis:
 
     def _pieces(self, a: float, u: float, step: float) -> None:
         """One step, cut where the car stops and where its wheels reach their limit."""
-        speed, steering, limit = self._speed, self._steering, self._limit
-        if a < 0.0 and speed + a * step < 0.0:
-            stops = speed / -a
-            self._smooth(a, u, stops)
+        if a < 0.0 and self._speed + a * step < 0.0:
+            stops = self._speed / -a
+            self._steered(a, u, stops)
             self._speed = 0.0
-            self._pieces(0.0, u, step - stops)
-        elif abs(steering + u * step) > limit:
+            self._steered(0.0, u, step - stops)
+        else:
+            self._steered(a, u, step)
+
+    def _steered(self, a: float, u: float, step: float) -> None:
+        """A part in which the car does not stop, cut where its wheels reach their limit."""
+        steering, limit = self._steering, self._limit
+        if abs(steering + u * step) > limit:
             end = math.copysign(limit, u)
             reaches = (end - steering) / u
             self._smooth(a, u, reaches)
