@@ -135,24 +135,6 @@ def test_n_and_w_widen_the_tubes_and_smaller_sets_have_tubes_within(
     assert len(unsure.ground) == len(unsure.lower)
 
 
-def test_a_ramped_reference_takes_the_car_anywhere_between_those_it_is_held_at(
-    run: ReplayedRun, tubes: tuple[KernelTubes, ...]
-) -> None:
-    """From a decision at half the wanted speed. But for a centimetre, as above."""
-    spec = paper_spec(VEHICLE, 5.0, ramps=True)
-    ramped = KernelTubes(paper_bundle(spec), spec.vehicle, unsure=True, title="ramped")
-    wanted_mps = VEHICLE.operation.reference_speed_mps
-    asked = dataclasses.replace(run.asked[-1], reference_speed_mps=0.5 * wanted_mps)
-    found = ramped.rows(run.path, asked, 2)
-    assert len(found.lower) >= 60
-    for reference_mps in (0.5 * wanted_mps, 0.75 * wanted_mps, wanted_mps):
-        at = dataclasses.replace(asked, reference_speed_mps=reference_mps)
-        held = tubes[1].rows(run.path, at, 2)
-        rows = min(len(found.lower), len(held.lower))
-        assert (found.lower[:rows] <= held.lower[:rows] + 0.01).all()
-        assert (found.upper[:rows] >= held.upper[:rows] - 0.01).all()
-
-
 def test_no_two_scenarios_are_driven_with_one_seed_nor_is_one_fitted_to() -> None:
     args = argparse.Namespace(plant=[], quick=False, scenario=[], seeds=3)
     firsts = reproduce_work.FIRST_SEED, reproduce_work.FIT_SEED

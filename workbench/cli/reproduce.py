@@ -76,7 +76,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--require", type=number, default=0.999, metavar="SHARE",
         help="share of steps that the tubes with N and W must contain on every plant, at every T "
-        "and confidence, of decisions at speed (default: 0.999)",
+        "and confidence, of decisions at speed and of those at any (default: 0.999)",
     )  # fmt: skip
     parser.add_argument("--table", action="store_true", help="print the tables as Markdown")
     parser.add_argument(
@@ -108,9 +108,9 @@ def run(args: argparse.Namespace) -> int:
     reached = found.least >= args.require
     ending = (
         f"the tubes with N and W contain at least {percent(found.least)} of the steps, at every T "
-        f"and confidence, of decisions at {AT_SPEED_MPS:g} m/s and more: "
-        f"{'as' if reached else 'less than'} asked ({args.require:.2%}); {found.outside} steps of "
-        "decisions at any speed were outside of one that had not ended"
+        f"and confidence, of decisions at any speed and at {AT_SPEED_MPS:g} m/s and more: "
+        f"{'as' if reached else 'less than'} asked ({args.require:.2%}); {found.outside} steps "
+        "were outside of one that had not ended"
     )
     emit(args, "\n\n".join([_text(args, found), ending, f"report: {args.out / 'report.html'}"]),
          {"times": found.times, "accuracy": found.accuracy, "least": found.least,

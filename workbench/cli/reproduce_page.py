@@ -45,8 +45,9 @@ _TABLE_2: Final = (
     "in the set leave the others out.",
     "The first method has the paper's model, a bicycle under its controller that reads its state "
     "without error: what it misses is the honest lower figure. The second has N and W of the "
-    "vehicle file, and the reference speed anywhere, at any time, between that of the decision and "
-    "the one that is wanted: a car that has set off is still being brought up to it. The third "
+    "vehicle file, and the reference speed on its way from that of the decision to the one that "
+    "is wanted, as the vehicle brings it there while every decision is TRACK (up to two periods of "
+    "deciding early or late). The third "
     "holds the reference of the decision, as the vehicle's monitor does, which decides anew at "
     "every change: a car that goes on to be brought up to speed leaves it ahead. The last is the "
     "paper's own: the measured set is cut into regions, the same "
@@ -77,10 +78,10 @@ def paper_page(found: Found, *, command: str, require: float) -> Page:
     lead = (
         "The paper's evaluation, repeated on simulated drives: a car that the analysis did not "
         "write, driven over CAN frames by the code that runs on the vehicle.",
-        f"Of decisions at {AT_SPEED_MPS:g} m/s and more, the tubes with N and W of the vehicle "
-        f"file contain at least {percent(least)} of the steps on every plant, at every T and "
-        f"confidence, {reached} ({require:.2%}); the paper's contain 92.08 % to 98.91 %. At any "
-        f"speed, {found.outside} steps were outside of one that had not ended.",
+        f"The tubes with N and W of the vehicle file contain at least {percent(least)} of the "
+        "steps on every plant, at every T and confidence, of decisions at any speed and at "
+        f"{AT_SPEED_MPS:g} m/s and more, {reached} ({require:.2%}); the paper's contain 92.08 % to "
+        f"98.91 %. {found.outside} steps were outside of a tube that had not ended.",
     )
     table_1: list[Block] = [time_table(found.times), *map(Paragraph, _TABLE_1)]
     calls = "; ".join(

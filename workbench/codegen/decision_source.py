@@ -21,6 +21,7 @@ from workbench.models.stopping import (
     FREE_STEERING,
     INTEGRAL_SHARE,
     INTEGRATING,
+    REFERENCE_CHANGE,
     SPEED_ERROR,
     STEERING_DISTURBANCE,
     STEERING_SHARE,
@@ -54,6 +55,8 @@ _GRAIN_S = 1e-9
 # While BRAKE may be in force the speed lies within the region's, or as far outside of it as the
 # fastest change of a switch interval takes it.
 _SPEED_ROOM_MPS = 1.0
+# Least and most pace (m/s^2) and slack (s) with which the reference changes anyhow.
+_ANY_RAMP = (0.0, 1e6, 1.0)
 
 
 @final
@@ -91,7 +94,8 @@ def decision_layout(
     )
     w = (*track.disturbances, *stopping_loop(track, speeds_mps=(0.0, 0.0)).disturbances[-4:])
     counts |= {"disturbance_lower": len(w), "disturbance_upper": len(w), "brake": 5}
-    counts |= {"horizon_s": 1, "step_s": 1}
+    ramps = REFERENCE_CHANGE in (d.name for d in w)
+    counts |= {"horizon_s": 1, "step_s": 1, "reference_ramp": ramps * len(_ANY_RAMP)}
     defaults: dict[str, Sequence[float]] = {
         "disturbance_lower": [d.lower for d in w],
         "disturbance_upper": [d.upper for d in w],
@@ -101,6 +105,7 @@ def decision_layout(
         ],
         "horizon_s": [sizes.steps * sizes.step_s],
         "step_s": [sizes.step_s],
+        "reference_ramp": _ANY_RAMP,
     }  # fmt: skip
     results = result_counts(states=n, steps=sizes.steps, levels=sizes.levels)
     return tile(counts, defaults=defaults), tile(results, defaults={})
@@ -173,6 +178,7 @@ def _macros(loop: Ode, sizes: DecisionSizes) -> dict[str, object]:
         "FREE_STEERING": w_names.index(FREE_STEERING),
         "PUSH": _index(w_names, ACCELERATION_DISTURBANCE),
         "MISREAD": _index(w_names, SPEED_ERROR), "TURN": _index(w_names, STEERING_DISTURBANCE),
+        "REFERENCE_CHANGE": _index(w_names, REFERENCE_CHANGE),
         "RATE_MIN": p_names.index("steering_rate_min"),
         "RATE_MAX": p_names.index("steering_rate_max"),
         "TRACKING": p_names.index(TRACKING), "BRAKING": p_names.index(BRAKING),

@@ -53,7 +53,8 @@ class Track:
     """Follow the path at `reference_speed_mps` (parameter `reference_speed`).
 
     change_mps: by how much the reference may differ from it at any time, as while it is ramped
-    (disturbance `reference_speed_change`); (0, 0): it is held, and there is no such disturbance.
+    (disturbance `reference_speed_change`, which a decision kernel can be told the pace of, in
+    `reference_ramp`); (0, 0): it is held, and there is no such disturbance.
     """
 
     reference_speed_mps: float

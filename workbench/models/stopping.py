@@ -16,9 +16,10 @@ INTEGRAL_SHARE, FREE_STEERING = "offset_integral_share", "free_steering_rate"
 SPEED_ERROR = "speed_estimate_error"
 ACCELERATION_DISTURBANCE = "acceleration_disturbance"
 STEERING_DISTURBANCE = "steering_rate_disturbance"
+REFERENCE_CHANGE = "reference_speed_change"
 MAY_DISTURB = frozenset({
     "curvature", "wheelbase", "position_error_lateral", "heading_estimate_error", SPEED_ERROR,
-    ACCELERATION_DISTURBANCE, STEERING_DISTURBANCE, "reference_speed_change",
+    ACCELERATION_DISTURBANCE, STEERING_DISTURBANCE, REFERENCE_CHANGE,
 })  # fmt: skip
 """What may disturb a loop: only the acceleration's disturbance changes the speed besides the
 commands, only the speed's estimate changes what BRAKE leaves of the steering; the change of the

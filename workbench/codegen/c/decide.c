@@ -78,6 +78,12 @@ static int wb_sane_query(const double *q) {
   if (q[WB_Q_START_S + 1] > 0.0 && q[WB_Q_BRAKE_S] > 0.0) return 0;
   if (!(q[WB_Q_BRAKE + WB_BRAKE_LEAST] > 0.0 && q[WB_Q_BRAKE + WB_BRAKE_MOST] >= q[WB_Q_BRAKE])) return 0;
   if (!(q[WB_Q_BRAKE + WB_BRAKE_DELAY] >= 0.0 && q[WB_Q_BRAKE + WB_BRAKE_BUILD_UP] >= 0.0)) return 0;
+#if WB_REFERENCE_CHANGE >= 0
+  for (i = 0; i < 3; ++i) {
+    if (!(q[WB_Q_REFERENCE_RAMP + i] >= 0.0)) return 0;
+  }
+  if (!(q[WB_Q_REFERENCE_RAMP + WB_RAMP_LEAST] <= q[WB_Q_REFERENCE_RAMP + WB_RAMP_MOST])) return 0;
+#endif
   /* A standstill lasts, and the steering rests in it. */
   if (WB_MISREAD >= 0 && !(q[WB_Q_DISTURBANCE_UPPER + WB_MISREAD] <= q[WB_Q_BRAKE + WB_BRAKE_STOP_SPEED])) return 0;
   if (WB_PUSH >= 0 && !(q[WB_Q_DISTURBANCE_UPPER + WB_PUSH] < q[WB_Q_BRAKE + WB_BRAKE_LEAST])) return 0;

@@ -123,6 +123,21 @@ static int wb_lets_go(const wb_drive *d, double t) {
   return t >= d->order->switch_upper && WB_LETS_GO * rate * left <= radius;
 }
 
+#if WB_REFERENCE_CHANGE >= 0
+enum wb_ramp { WB_RAMP_LEAST, WB_RAMP_MOST, WB_RAMP_SLACK };
+
+/* Cuts the range of the reference speed's change to what a ramp makes of it during [t, t + h]: it leaves 0 no
+ * faster than `most`, begun `slack` early, and, where it has one end to go to, no slower than `least`, begun
+ * as much late. */
+static void wb_ramp(const wb_drive *d, double t, double h, double *low, double *high) {
+  const double *ramp = d->q + WB_Q_REFERENCE_RAMP, from = *low, to = *high;
+  const double gone = ramp[WB_RAMP_LEAST] * wb_max(t - ramp[WB_RAMP_SLACK], 0.0) - WB_SPEED_ROUNDING;
+  const double most = ramp[WB_RAMP_MOST] * (t + h + ramp[WB_RAMP_SLACK]) + WB_SPEED_ROUNDING;
+  *low = from < 0.0 ? wb_max(from, -most) : wb_min(to, wb_max(gone, 0.0));
+  *high = to > 0.0 ? wb_min(to, most) : wb_max(from, -wb_max(gone, 0.0));
+}
+#endif
+
 /* Sets the disturbances of the next step; the stations reached lie in [*from, *to]. */
 static int wb_disturb_drive(wb_drive *d, double t, double h, double *from, double *to) {
   wb_set *s = &d->s;
@@ -134,6 +149,9 @@ static int wb_disturb_drive(wb_drive *d, double t, double h, double *from, doubl
   for (i = 0; i < WB_NW; ++i) {
     double low = d->q[WB_Q_DISTURBANCE_LOWER + i], high = d->q[WB_Q_DISTURBANCE_UPPER + i];
     if (i == WB_CURVATURE && !wb_curvature(d->path, *from, *to, &low, &high)) return 0;
+#if WB_REFERENCE_CHANGE >= 0
+    if (i == WB_REFERENCE_CHANGE) wb_ramp(d, t, h, &low, &high);
+#endif
     if (i == WB_BRAKE_SPEED) {
       low = d->braking ? d->low : 0.0;
       high = d->braking ? d->high : 0.0;

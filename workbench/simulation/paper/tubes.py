@@ -12,14 +12,17 @@ import numpy as np
 
 from workbench.codegen.bundle import LEVELS, MonitorSpec, bundle_files
 from workbench.codegen.decision_source import PATH_NODES
+from workbench.errors import InputError
 from workbench.models.bicycle import PathFrame
 from workbench.models.signals import Ranged
+from workbench.models.stopping import REFERENCE_CHANGE
 from workbench.models.vehicle import Vehicle
 from workbench.reach.ranged_parameters import with_ranged_parameters_as_disturbances
 from workbench.runtime import Bundle, Timing
 from workbench.runtime.bundle import bundle_of
 from workbench.runtime.layout import KernelStatus
 from workbench.runtime.measuring import STATES, initial_sets
+from workbench.runtime.onboard.times import DECIDE_EVERY, TURN_US, seconds
 from workbench.runtime.path import PathTable
 from workbench.runtime.query import PathWindows, crowd_values, parameter_values
 from workbench.runtime.settings import fixed_values
@@ -34,7 +37,7 @@ _TIMING: Final = Timing(period_s=0.12, latency_s=0.1, send_gap_s=0.055)
 _PLACE: Final = [STATES.index("station"), STATES.index("offset")]
 _INTEGRALS: Final = ("speed_integral", "offset_integral")
 _ROOM: Final = 10.0
-_CURVATURE, _CHANGE = "curvature", "reference_speed_change"
+_CURVATURE: Final = "curvature"
 _ENDS: Final = ("disturbance_lower", "disturbance_upper")
 
 
@@ -76,8 +79,8 @@ def paper_spec(vehicle: Vehicle, horizon_s: float, *, ramps: bool = False) -> Mo
     """Three nested sets, as on the vehicle, and more room for the controller's integrals: over the
     paper's 5 s they reach farther than over the 3 s that the vehicle's own region is for.
 
-    ramps: the reference speed may change at any time, by as much as it is wanted to be at most;
-    otherwise it holds for the whole tube, as in the vehicle's bundle."""
+    ramps: the reference speed may change, by as much as it is wanted to be at most; otherwise it
+    holds for the whole tube, as in the vehicle's bundle."""
     region = vehicle.operation.region
     sides = {
         name: tuple(_ROOM * end if name in _INTEGRALS else end for end in region.interval(name))
@@ -101,8 +104,8 @@ class KernelTubes:
 
     vehicle: the one the bundle is built for; unsure: with N, W and parameter ranges of its file;
     otherwise none of them acts, and the tube is that of the bicycle under its controller alone. Of
-    a bundle that `ramps` the reference speed is anywhere, at any time, between that of the decision
-    and the one that is wanted; of others it holds. Rigor ENCLOSED along the path's curvature
+    a bundle that `ramps` the reference speed is on its way from that of the decision to the one
+    that is wanted (see `ramp_of`); of others it holds. Rigor ENCLOSED along the path's curvature
     bounds.
     """
 
@@ -117,7 +120,8 @@ class KernelTubes:
         self._wanted_mps = operation.reference_speed_mps
         self._ramps_at = None
         if any(operation.reference_change_mps):
-            self._ramps_at = [each.name for each in _own(vehicle)].index(_CHANGE)
+            self._ramps_at = [each.name for each in _own(vehicle)].index(REFERENCE_CHANGE)
+            self._fixed["reference_ramp"] = ramp_of(vehicle)
         self._windows: tuple[PathTable, PathWindows] | None = None
 
     @property
@@ -162,6 +166,23 @@ class KernelTubes:
         )  # fmt: skip
         ground = result.rows("track_occupancy", width=5, count=count)
         return PathRows(lower, upper, step_s, tuple((x, y, h, a, b) for x, y, h, a, b in ground))
+
+
+def ramp_of(vehicle: Vehicle) -> tuple[float, float, float]:
+    """How the vehicle brings its reference speed up, or down, while every decision is TRACK: least
+    and most pace (m/s^2), and by how much (s) it may be early or late.
+
+    It changes at each decision, by what one turn's slew allows (`ramped_reference_mps`): in steps,
+    so that it may be a period late; and another one where a decision could not be made.
+    Raises InputError for a vehicle without [drive_by_wire]."""
+    if vehicle.drive_by_wire is None:
+        raise InputError(
+            f"{vehicle.name}: expected a vehicle with [drive_by_wire], which says how fast "
+            "commands may change"
+        )
+    pedals = vehicle.drive_by_wire.value.pedals
+    pace_mps2 = pedals.slew_mps3 / vehicle.speed_pid.proportional_per_s / DECIDE_EVERY
+    return pace_mps2, pace_mps2, 2 * DECIDE_EVERY * seconds(TURN_US)
 
 
 def certain(bundle: Bundle, vehicle: Vehicle) -> Mapping[str, Sequence[float]]:
