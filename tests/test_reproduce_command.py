@@ -48,7 +48,6 @@ from workbench.simulation.paper.tubes import (
     KernelTubes,
     certain,
     loaded,
-    paper_bundle,
     paper_spec,
 )
 from workbench.simulation.rig import Rig, Trial
@@ -59,6 +58,7 @@ TRIAL = Trial(
     dataclasses.replace(named("paper_alongside_vehicle"), duration_s=8.0), "bicycle", 1000
 )
 VEHICLE = load_vehicle(simulated_path())
+SPEC = paper_spec(VEHICLE, 5.0)
 
 
 @pytest.fixture(scope="module")
@@ -67,8 +67,13 @@ def rig() -> Rig:
 
 
 @pytest.fixture(scope="module")
-def bundle() -> Bundle:
-    return paper_bundle(paper_spec(VEHICLE, 5.0))
+def files() -> dict[str, bytes]:
+    return bundle_files(SPEC)
+
+
+@pytest.fixture(scope="module")
+def bundle(files: dict[str, bytes]) -> Bundle:
+    return loaded(files)
 
 
 @pytest.fixture(scope="module")
@@ -147,11 +152,11 @@ def test_no_two_scenarios_are_driven_with_one_seed_nor_is_one_fitted_to() -> Non
 
 def test_three_sets_take_longer_the_farther_they_reach(
     bundle: Bundle, run: ReplayedRun, tubes: tuple[KernelTubes, ...],
-    learned_files: dict[str, bytes],
+    files: dict[str, bytes], learned_files: dict[str, bytes],
 ) -> None:  # fmt: skip
-    starts, spec = timed_starts((run,), tubes[1], count=3), paper_spec(VEHICLE, 5.0)
+    starts = timed_starts((run,), tubes[1], count=3)
     times = paper_times(
-        TimedKernels(spec, bundle_files(spec), learned_files), starts, horizons_s=(2.0, 3.0),
+        TimedKernels(SPEC, files, learned_files), starts, horizons_s=(2.0, 3.0),
         certain=certain(bundle, VEHICLE), validated=0,
     )  # fmt: skip
     alone, unsure, decisions, learned = times.rows
