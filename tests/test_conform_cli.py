@@ -86,6 +86,49 @@ def test_a_larger_disturbance_held_out_is_reported_as_escape(
     assert data["held_out"]["windows"]["inside"] < data["held_out"]["windows"]["of"]
 
 
+def test_another_folder_is_tested_on_whole_and_fitted_to_not_at_all(
+    tmp_path: Path, vehicle_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = write_runs(
+        tmp_path / "runs",
+        [planted_run(f"run {k}", PLANTED, seed=k, duration_s=4.0) for k in range(2)],
+    )
+    alike = write_runs(tmp_path / "alike", [planted_run("run 0", PLANTED, seed=0, duration_s=4.0)])
+    harder = write_runs(tmp_path / "harder", [planted_run("run 1", LARGER, seed=2, duration_s=4.0)])
+    alone, out = tmp_path / "alone", tmp_path / "out"
+    assert conform(source, vehicle_file, alone) == 0
+    assert conform(source, vehicle_file, out, "--test-on", str(alike), "--plot") == 0
+    assert f"tubes, all of {alike}" in capsys.readouterr().out
+    assert load_vehicle(out / "vehicle.toml").uncertainty.acceleration_mps2 == (
+        load_vehicle(alone / "vehicle.toml").uncertainty.acceleration_mps2
+    )
+    both = ("--test-on", str(alike), str(harder), "--json")
+    assert conform(source, vehicle_file, out, *both) == 1
+    found = json.loads(capsys.readouterr().out)
+    of = {name: each["windows"] for name, each in found["elsewhere"].items()}
+    # What was fitted to this very run holds it; the larger disturbance is found out.
+    assert of[str(alike)]["inside"] == of[str(alike)]["of"] == 2
+    assert of[str(harder)]["inside"] < of[str(harder)]["of"] == 2
+    assert found["split"]["held_out"] == ["run 1"]
+
+
+def test_folders_to_test_on_that_cannot_be_are_refused(
+    tmp_path: Path, vehicle_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs = [planted_run(f"run {k}", PLANTED, seed=k, duration_s=4.0) for k in range(2)]
+    source = write_runs(tmp_path / "runs", runs)
+    short = write_runs(tmp_path / "short", [planted_run("a", PLANTED, seed=1, duration_s=1.0)])
+    other = write_runs(tmp_path / "other", runs)
+    (other / "vehicle.toml").write_text(gem_e2_path().read_text(encoding="utf-8"), encoding="utf-8")
+    for folder, said in (
+        (source, "other than SOURCE"), (tmp_path / "none", "expected a folder with runs.csv"),
+        (short, "expected windows of 2 s"), (other, "drive them with the same vehicle"),
+    ):  # fmt: skip
+        assert conform(source, vehicle_file, tmp_path / "out", "--test-on", str(folder)) == 2
+        assert said in capsys.readouterr().err
+        assert not (tmp_path / "out").exists()
+
+
 def test_motion_beyond_what_the_vehicle_can_take_gives_no_file(
     tmp_path: Path, vehicle_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

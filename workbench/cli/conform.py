@@ -68,6 +68,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="recordings to fit to (default: every other one by name)",
     )  # fmt: skip
     parser.add_argument(
+        "--test-on", nargs="+", type=Path, default=[], metavar="FOLDER",
+        help="further folders of the same kind and vehicle, whose recordings are all tested on",
+    )  # fmt: skip
+    parser.add_argument(
         "--outliers", type=int, default=0, metavar="N",
         help="training windows that may stay outside their tubes (default: 0)",
     )  # fmt: skip
@@ -78,7 +82,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--require", type=number, default=0.99, metavar="SHARE",
-        help="share of the other recordings' steps to be contained (default: 0.99)",
+        help="share of the other recordings' steps to be contained, and of each --test-on "
+        "(default: 0.99)",
     )  # fmt: skip
     parser.add_argument(
         "--speed-max", type=positive, default=8.0, metavar="MPS",
@@ -132,7 +137,7 @@ def _remove_results(folder: Path) -> None:
 def _outcome(args: argparse.Namespace, subject: Subject) -> Outcome:
     from workbench.simulation.conformance.verdict import STAGES, discs
 
-    with Progress("fit", STAGES * len(subject.candidates)) as bar:
+    with Progress("fit", STAGES * len(subject.candidates) + len(args.test_on)) as bar:
         model, measured, verdict = subject.judged(args.outliers, advance=bar.advance)
     command = command_line("conform", args, positional=("source",))
     section = subject.section(model, verdict, command=command)
@@ -182,6 +187,7 @@ def count_rows(outcome: Outcome) -> list[list[str | int | float | None]]:
     rows = [
         counted("tubes, fitted to", verdict.training),
         counted("tubes, other recordings", verdict.held_out),
+        *(counted(f"tubes, all of {name}", found) for name, found in verdict.elsewhere),
         counted("tubes of pointwise W, other recordings", verdict.pointwise_tubes),
     ]
     for each in outcome.discs:
@@ -196,6 +202,7 @@ COUNT_HEADINGS: Final = ["what", "steps", "windows", "recordings", "mean area (m
 def interval_note(verdict: Verdict) -> str:
     """What the intervals count."""
     of = {"fitted to": verdict.training, "others": verdict.held_out}
+    of |= {f"of {name}": found for name, found in verdict.elsewhere}
     worth = ", ".join(
         f"{found.windows.trials:.3g} for the {found.recordings.of} {name}"
         for name, found in of.items()
@@ -230,15 +237,17 @@ def _lines(args: argparse.Namespace, subject: Subject, outcome: Outcome) -> list
 
 def ending(verdict: Verdict, require: float) -> str:
     """Whether the tubes contain what was asked."""
-    fitted, share = verdict.training.windows, verdict.held_out.steps.value
+    fitted, share = verdict.training.windows, verdict.least_share
+    others = " and ".join(["other recordings", *(f"of {name}" for name, _ in verdict.elsewhere)])
+    least = "at least " if verdict.elsewhere else ""
     if not verdict.fit.contained:
         return (
             f"the tubes do not contain what they were fitted to: {fitted.of - fitted.inside} of "
-            f"{fitted.of} windows leave theirs ({share:.2%} of the other recordings' steps are "
+            f"{fitted.of} windows leave theirs ({least}{share:.2%} of the steps of {others} are "
             "inside)"
         )
     return (
-        f"the tubes contain {share:.2%} of the steps of other recordings, "
+        f"the tubes contain {least}{share:.2%} of the steps of {others}, "
         f"{'as' if verdict.reached(require) else 'less than'} asked ({require:.2%})"
     )
 
@@ -260,6 +269,7 @@ def _data(subject: Subject, outcome: Outcome) -> dict[str, object]:
         "contained": verdict.fit.contained,
         "training": verdict.training,
         "held_out": verdict.held_out,
+        "elsewhere": dict(verdict.elsewhere),
         "statement": verdict.stated,
         "pointwise": verdict.pointwise,
         "pointwise_share_held_out": verdict.pointwise_share,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from workbench import __version__
@@ -34,8 +35,11 @@ def write_conform_page(args: argparse.Namespace, subject: Subject, outcome: Outc
 
     verdict = outcome.verdict
     tubes = verdict.held_out_tubes
-    counts = (*((each, "*") for each in verdict.training.by_recording),
-              *((each, "") for each in verdict.held_out.by_recording))  # fmt: skip
+    counts = [(each.recording + mark, each)
+              for mark, found in (("*", verdict.training), ("", verdict.held_out))
+              for each in found.by_recording]  # fmt: skip
+    counts += [(f"{Path(name).name}: {each.recording}", each)
+               for name, found in verdict.elsewhere for each in found.by_recording]  # fmt: skip
     report = ConformanceReport(
         f"Tubes against the motion of {subject.source.resolve().name}",
         (
@@ -43,12 +47,12 @@ def write_conform_page(args: argparse.Namespace, subject: Subject, outcome: Outc
             _sentence(verdict.said),
             _sentence(ending(verdict, args.require)),
         ),
-        subject.candidates[0][2].times_s,
+        subject.candidate_of(verdict).measured.times_s,
         _labels(verdict),
         tubes.deviation,
         tubes.half_width,
-        tuple(each.recording + mark for each, mark in counts),
-        np.array([each.windows_inside / each.windows for each, _ in counts]),
+        tuple(name for name, _ in counts),
+        np.array([each.windows_inside / each.windows for _, each in counts]),
         _tables(outcome),
         (
             *_NOTES,
@@ -77,7 +81,9 @@ def _tables(outcome: Outcome) -> tuple[Table, ...]:
     by_recording: list[list[str | int | float | None]] = [
         [each.recording, role, each.steps_inside, each.steps, each.windows_inside, each.windows,
          each.mean_area_m2]
-        for role, found in (("fitted to", verdict.training), ("other", verdict.held_out))
+        for role, found in (
+            ("fitted to", verdict.training), ("other", verdict.held_out), *verdict.elsewhere
+        )
         for each in found.by_recording
     ]  # fmt: skip
     return (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, final
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from workbench.simulation.conformance.fit import Advance
     from workbench.simulation.conformance.verdict import Verdict
     from workbench.simulation.conformance.windows import Measured, MotionModel, Split
+    from workbench.simulation.recording import Recording
 
 _W: Final = ("acceleration_mps2", "steering_rate_radps", "wheelbase_m")
 _N: Final = ("lateral_m", "heading_rad", "speed_mps")
@@ -42,19 +44,31 @@ class LeftOut:
 
 @final
 @dataclass(frozen=True, slots=True)
+class Candidate:
+    """A model, what it is called, the windows that it sees of SOURCE, and of each folder to test
+    on besides, by the folder as it was given."""
+
+    name: str
+    model: MotionModel
+    measured: Measured
+    elsewhere: tuple[tuple[str, Measured], ...]
+
+
+@final
+@dataclass(frozen=True, slots=True)
 class Subject:
     """Models with the windows that each of them sees, and how to speak of them.
 
-    candidates: name of the model, the model, its windows: the one whose tubes about the training
-    windows have the least mean area is taken. most: limits on bounds. discs: whether windows are in
-    the plane, so that discs can be compared; disc_error_m: their radius at the beginning.
+    candidates: the one whose tubes about the training windows have the least mean area is taken.
+    most: limits on bounds. discs: whether windows are in the plane, so that discs can be compared;
+    disc_error_m: their radius at the beginning.
     """
 
     kind: str
     source: Path
     vehicle: Vehicle
     vehicle_file: Path
-    candidates: tuple[tuple[str, MotionModel, Measured], ...]
+    candidates: tuple[Candidate, ...]
     split: Split
     most: dict[str, float]
     discs: bool
@@ -65,9 +79,10 @@ class Subject:
         from workbench.simulation.conformance.fit import NoFitError, fit
         from workbench.simulation.conformance.verdict import judge
 
-        found: list[tuple[float, MotionModel, Measured, Verdict]] = []
+        found: list[tuple[float, Candidate, Verdict]] = []
         failure: NoFitError | None = None
-        for _, model, measured in self.candidates:
+        for candidate in self.candidates:
+            model, measured = candidate.model, candidate.measured
             try:
                 fitted = fit(
                     model, measured.of(self.split.training), outliers=outliers, most=self.most,
@@ -80,32 +95,38 @@ class Subject:
                     model, measured, self.split, fitted, candidates=len(self.candidates),
                     advance=advance,
                 )  # fmt: skip
-                found.append((verdict.training.mean_area_m2, model, measured, verdict))
+                found.append((verdict.training.mean_area_m2, candidate, verdict))
         if failure is not None and not found:
             raise failure
-        return min(found, key=lambda each: each[0])[1:]
+        _, best, verdict = min(found, key=lambda each: each[0])
+        verdict = verdict.tested_on(best.elsewhere, advance=advance)
+        return best.model, best.measured, verdict
 
-    def name_of(self, verdict: Verdict) -> str:
-        """What the model of this verdict is called."""
-        return next(name for name, model, _ in self.candidates if model is verdict.model)
+    def candidate_of(self, verdict: Verdict) -> Candidate:
+        """Whose verdict this is."""
+        return next(each for each in self.candidates if each.model is verdict.model)
 
     def about(self, verdict: Verdict) -> str:
         """Data, counts, split, outliers, model, in a few sentences."""
         training, held_out = verdict.training, verdict.held_out
         left_out = self.left_out(verdict)
         return (
-            f"{self.kind} of {self.source.resolve().name}; model: {self.name_of(verdict)}. "
-            f"Fitted to {training.windows.of} windows of {training.recordings.of} recordings, "
-            f"tested on {held_out.windows.of} windows of {held_out.recordings.of} others "
-            f"({self.split.rule}). Windows left out: "
+            f"{self.kind} of {self.source.resolve().name}; model: "
+            f"{self.candidate_of(verdict).name}. Fitted to {training.windows.of} windows of "
+            f"{training.recordings.of} recordings, tested on {held_out.windows.of} windows of "
+            f"{held_out.recordings.of} others ({self.split.rule})"
+            + "".join(
+                f", and on {found.windows.of} windows of all {found.recordings.of} of {name}"
+                for name, found in verdict.elsewhere
+            )
+            + ". Windows left out: "
             + (", ".join(map(str, left_out)) or "none")
             + f". Bounds to first order times {verdict.fit.inflation:.3g}."
         )
 
     def left_out(self, verdict: Verdict) -> list[LeftOut]:
         """Each window that was left out."""
-        measured = next(m for _, model, m in self.candidates if model is verdict.model)
-        windows = measured.of(self.split.training).windows
+        windows = self.candidate_of(verdict).measured.of(self.split.training).windows
         found = verdict.fit
         return [
             LeftOut(windows[k].recording, windows[k].start_s, k in found.inside_after_all)
@@ -137,11 +158,13 @@ class Subject:
 
 
 def _held_out(verdict: Verdict) -> str:
-    steps, windows = verdict.held_out.steps, verdict.held_out.windows
-    return (
-        f"Inside the tubes of other recordings: {steps.inside} of {steps.of} steps, "
-        f"{windows.inside} of {windows.of} windows; mean area {verdict.held_out.mean_area_m2:.3g} "
-        "m^2."
+    tested = [("other recordings", verdict.held_out)]
+    tested += [(f"all of {name}", found) for name, found in verdict.elsewhere]
+    return " ".join(
+        f"Inside the tubes of {name}: {found.steps.inside} of {found.steps.of} steps, "
+        f"{found.windows.inside} of {found.windows.of} windows; mean area "
+        f"{found.mean_area_m2:.3g} m^2."
+        for name, found in tested
     )
 
 
@@ -162,13 +185,64 @@ def chosen_subject(args: argparse.Namespace) -> Subject:
         args.vehicle = beside
     vehicle, file = chosen_vehicle(args), args.vehicle or gem_e2_path()
     if holds_runs(source):
+        _check_folders(args, holds_runs, "runs.csv, as SOURCE has it")
+        _check_drivers(args.test_on, vehicle)
         return _of_runs(args, vehicle, file)
     if Table.exists(source, "vehicles"):
+        _check_folders(
+            args, lambda folder: Table.exists(folder, "vehicles"), "vehicles.csv, as SOURCE has it"
+        )
         return _of_recordings(args, vehicle, file)
     raise InputError(
         f"SOURCE: expected runs.csv (closed-loop runs) or vehicles.csv (recordings), plain or "
         f".gz, in {source}"
     )
+
+
+def _check_folders(
+    args: argparse.Namespace, holds: Callable[[Path], bool], expected: str
+) -> None:  # fmt: skip
+    seen = [args.source.resolve()]
+    for folder in args.test_on:
+        if not holds(folder):
+            raise InputError(f"--test-on: expected a folder with {expected}, got {folder}")
+        if folder.resolve() in seen:
+            raise InputError(
+                f"--test-on: expected folders other than SOURCE, each once, got {folder}; the "
+                "recordings of SOURCE that are not fitted to are tested on anyway"
+            )
+        seen.append(folder.resolve())
+
+
+def _check_drivers(folders: Sequence[Path], vehicle: Vehicle) -> None:
+    """Runs of another vehicle, with other gains, say nothing of this one's loop."""
+    from workbench.models.vehicle import load_vehicle
+
+    for folder in folders:
+        file = folder / "vehicle.toml"
+        if not file.is_file():
+            continue
+        other = dataclasses.replace(load_vehicle(file), uncertainty=vehicle.uncertainty)
+        if other != vehicle:
+            raise InputError(
+                f"--test-on: expected runs of {vehicle.name} as its file has it (but for "
+                f"[uncertainty]), got {file}, which differs; drive them with the same vehicle"
+            )
+
+
+def _windows_elsewhere(
+    args: argparse.Namespace, cut: Callable[[Path], Measured]
+) -> tuple[tuple[str, Measured], ...]:
+    found = []
+    for folder in args.test_on:
+        measured = cut(folder)
+        if not measured.windows:
+            raise InputError(
+                f"--test-on: expected windows of {args.window:g} s in {folder}, got none; shorten "
+                "--window, or take longer recordings"
+            )
+        found.append((str(folder), measured))
+    return tuple(found)
 
 
 def _split(args: argparse.Namespace, measured: Measured) -> Split:
@@ -185,9 +259,12 @@ def _of_runs(args: argparse.Namespace, vehicle: Vehicle, file: Path) -> Subject:
     from workbench.simulation.conformance.windows import instants
 
     model = TrackLoop(vehicle, _W if args.fit == "w" else (*_N, *_W))
-    measured = RunWindows(instants(args.window, args.step), RunErrors()).of(
-        load_runs(args.source), model
-    )
+    windows = RunWindows(instants(args.window, args.step), RunErrors())
+
+    def cut(folder: Path) -> Measured:
+        return windows.of(load_runs(folder), model)
+
+    measured = cut(args.source)
     most = {
         "acceleration_mps2": vehicle.brake.deceleration_min_mps2,
         "speed_mps": vehicle.brake.stop_speed_mps,
@@ -195,43 +272,58 @@ def _of_runs(args: argparse.Namespace, vehicle: Vehicle, file: Path) -> Subject:
     }
     return Subject(
         "Closed-loop runs", args.source, vehicle, file,
-        (("the vehicle's TRACK loop", model, measured),), _split(args, measured), most,
-        discs=False, disc_error_m=0.0,
+        (Candidate("the vehicle's TRACK loop", model, measured, _windows_elsewhere(args, cut)),),
+        _split(args, measured), most, discs=False, disc_error_m=0.0,
     )  # fmt: skip
 
 
 def _of_recordings(args: argparse.Namespace, vehicle: Vehicle, file: Path) -> Subject:
-    from workbench.estimation.tables import Table
     from workbench.simulation.conformance.held_bicycle import (
         DriveErrors,
         DriveWindows,
         HeldBicycle,
     )
     from workbench.simulation.conformance.windows import instants
-    from workbench.simulation.recording import VEHICLE_COLUMNS, load_recording
 
     if args.fit != "w":
         raise InputError(
             "--fit: expected w for recordings, got nw; nobody knows what their drivers read"
         )
-    rows = Table.read(args.source, "vehicles", VEHICLE_COLUMNS).rows
-    names = sorted({row.text("recording") for row in rows})
-    recordings = tuple(load_recording(args.source, name) for name in names)
-    shapes = {each.shape for each in recordings}
+    recordings = {folder: _recordings(folder) for folder in (args.source, *args.test_on)}
+    shapes = {each.shape for folder in recordings for each in recordings[folder]}
     if len(shapes) != 1:
         raise InputError(
-            f"{args.source}: expected recordings of one car, got {len(shapes)} shapes; keep one "
-            "car's recordings in a folder"
+            f"{', '.join(map(str, recordings))}: expected recordings of one car, got {len(shapes)} "
+            "shapes; keep one car's recordings in a folder"
         )
     shape = shapes.pop()
     candidates = []
     for name, holds in (("holding steering and acceleration", True), ("holding steering", False)):
         model = HeldBicycle(shape.wheelbase_m, args.ahead, shape.front_m)
-        cut = DriveWindows(instants(args.window, args.step), args.speed_max, DriveErrors(), holds)
-        candidates.append((f"bicycle {name}", model, cut.of(recordings)))
+        windows = DriveWindows(
+            instants(args.window, args.step), args.speed_max, DriveErrors(), holds
+        )
+
+        def cut(folder: Path, windows: DriveWindows = windows) -> Measured:
+            return windows.of(recordings[folder])
+
+        candidates.append(
+            Candidate(
+                f"bicycle {name}", model, cut(args.source), _windows_elsewhere(args, cut)
+            )
+        )  # fmt: skip
     return Subject(
         "Recordings", args.source, vehicle, file, tuple(candidates),
-        _split(args, candidates[0][2]),
+        _split(args, candidates[0].measured),
         {**_MOST_OF_A_CAR, "wheelbase_m": _MOST_WHEELBASE * shape.wheelbase_m},
         discs=True, disc_error_m=DriveErrors().position_m * 2.0**0.5,
     )  # fmt: skip
+
+
+def _recordings(folder: Path) -> tuple[Recording, ...]:
+    from workbench.estimation.tables import Table
+    from workbench.simulation.recording import VEHICLE_COLUMNS, load_recording
+
+    rows = Table.read(folder, "vehicles", VEHICLE_COLUMNS).rows
+    names = sorted({row.text("recording") for row in rows})
+    return tuple(load_recording(folder, name) for name in names)

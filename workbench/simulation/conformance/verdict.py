@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, final
 
@@ -19,7 +21,7 @@ from workbench.simulation.conformance.traces import Traces, traces
 from workbench.simulation.conformance.windows import Measured, MotionModel, Split
 
 STAGES: Final = 5
-"""Of a fit and of what is judged of it, for who waits."""
+"""Of a fit and of what is judged of it, for who waits; without `Verdict.tested_on`."""
 _DELTA: Final = 0.05
 
 
@@ -31,7 +33,8 @@ class Verdict:
     training, held_out: containment by real tubes; held_out_tubes: the tubes behind it; stated: what
     the training recordings support for a further one, None where the tubes do not contain all
     windows that were not left out; pointwise: the stronger alternative, with the share of held-out
-    steps within it and the tubes that it makes of the held-out windows.
+    steps within it and the tubes that it makes of the held-out windows; elsewhere: containment of
+    all recordings of other sources, by the source's name.
     """
 
     model: MotionModel
@@ -44,10 +47,29 @@ class Verdict:
     pointwise: Traces
     pointwise_share: float | None
     pointwise_tubes: Containment
+    elsewhere: tuple[tuple[str, Containment], ...] = ()
+
+    def tested_on(
+        self, elsewhere: Sequence[tuple[str, Measured]], *, advance: Advance
+    ) -> Verdict:  # fmt: skip
+        """The same with the containment of all windows of other sources, each by its name."""
+        found = []
+        for name, measured in elsewhere:
+            tubes = enclose(self.model, self.fit.uncertainty, measured)
+            found.append((name, containment(tubes)))
+            advance(1)
+        return dataclasses.replace(self, elsewhere=tuple(found))
 
     def reached(self, share: float) -> bool:
-        """Are all training windows contained, and this share of the held-out steps?"""
-        return self.fit.contained and self.held_out.steps.value >= share
+        """Are all training windows contained, and this share of the held-out steps and of those of
+        each other source?"""
+        return self.fit.contained and self.least_share >= share
+
+    @property
+    def least_share(self) -> float:
+        """Of the steps: held out, and of each other source, the smallest share inside."""
+        tested = (self.held_out, *(found for _, found in self.elsewhere))
+        return min(found.steps.value for found in tested)
 
     @property
     def said(self) -> str:
