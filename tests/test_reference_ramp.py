@@ -162,6 +162,22 @@ def test_a_ramp_that_is_none_is_not_judged(ramp: tuple[float, float, float]) -> 
     assert result.scalar("track_rows") == 0.0
 
 
+@pytest.mark.parametrize(("end", "change_mps"), [("lower", 0.3), ("upper", -0.3)])
+def test_a_ramp_begins_at_the_reference_of_the_decision(end: str, change_mps: float) -> None:
+    tubes = KernelTubes(bundle(), SPEC.vehicle, unsure=False, title="")
+    query = tubes.query(ROAD, Asked(0, (start(0.5, 0.01),) * 3, 0.5), 0)
+    at = [each.name for each in loop().disturbances].index(REFERENCE_CHANGE)
+    ends = {
+        f"disturbance_{each}": list(query[f"disturbance_{each}"]) for each in ("lower", "upper")
+    }
+    ends["disturbance_lower"][at], ends["disturbance_upper"][at] = sorted(
+        (change_mps, 2 * change_mps)
+    )
+    assert bundle().call({**query, **ends}).scalar("status") == 4.0
+    ends[f"disturbance_{end}"][at] = 0.0
+    assert bundle().call({**query, **ends}).scalar("status") == 0.0
+
+
 def test_a_vehicle_that_no_commands_are_known_of_has_no_ramp() -> None:
     with pytest.raises(InputError, match="drive_by_wire"):
         ramp_of(dataclasses.replace(gem_e2(), drive_by_wire=None))

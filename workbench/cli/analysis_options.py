@@ -261,3 +261,8 @@ def text_table(headings: list[str], rows: list[list[str | int | float | None]]) 
         ).rstrip()
         for row in cells
     )
+
+
+def percent(share: float) -> str:
+    """Rounded down: what is not all must not look like it."""
+    return f"{math.floor(1e5 * share) / 1e3:.3f} %"

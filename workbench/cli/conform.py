@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, final
 
-from workbench.cli.analysis_options import command_line, number, positive, text_table
+from workbench.cli.analysis_options import command_line, number, percent, positive, text_table
 from workbench.cli.common import add_output_option, add_vehicle_option, output_folder, write_text
 from workbench.cli.output import Progress, emit, plain
 from workbench.errors import InputError
@@ -119,12 +119,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _keep_inputs(args: argparse.Namespace, subject: Subject) -> None:
-    """Raise InputError where a vehicle.toml that was given, or lies beside the runs, would go."""
-    given = {file.resolve() for file in (subject.vehicle_file, subject.source / "vehicle.toml")}
+    """Raise InputError where a vehicle.toml that was given, or lies beside runs, would go."""
+    folders = (subject.source, *args.test_on)
+    given = {subject.vehicle_file.resolve()}
+    given |= {(folder / "vehicle.toml").resolve() for folder in folders}
     if (args.out / "vehicle.toml").resolve() in given:
         raise InputError(
-            "--out: expected another folder than SOURCE and the vehicle file's, got "
-            f"{args.out}; its vehicle.toml would be replaced"
+            "--out: expected another folder than SOURCE, those of --test-on and the vehicle "
+            f"file's, got {args.out}; its vehicle.toml would be replaced"
         )
 
 
@@ -237,17 +239,19 @@ def _lines(args: argparse.Namespace, subject: Subject, outcome: Outcome) -> list
 
 def ending(verdict: Verdict, require: float) -> str:
     """Whether the tubes contain what was asked."""
-    fitted, share = verdict.training.windows, verdict.least_share
-    others = " and ".join(["other recordings", *(f"of {name}" for name, _ in verdict.elsewhere)])
-    least = "at least " if verdict.elsewhere else ""
+    fitted = verdict.training.windows
+    tested = [("other recordings", verdict.held_out)]
+    tested += [(f"all of {name}", found) for name, found in verdict.elsewhere]
+    shares = ", ".join(
+        f"{percent(found.steps.value)} of the steps of {name}" for name, found in tested
+    )
     if not verdict.fit.contained:
         return (
             f"the tubes do not contain what they were fitted to: {fitted.of - fitted.inside} of "
-            f"{fitted.of} windows leave theirs ({least}{share:.2%} of the steps of {others} are "
-            "inside)"
+            f"{fitted.of} windows leave theirs (inside are {shares})"
         )
     return (
-        f"the tubes contain {least}{share:.2%} of the steps of {others}, "
+        f"the tubes contain {shares}: "
         f"{'as' if verdict.reached(require) else 'less than'} asked ({require:.2%})"
     )
 

@@ -38,8 +38,10 @@ def write_conform_page(args: argparse.Namespace, subject: Subject, outcome: Outc
     counts = [(each.recording + mark, each)
               for mark, found in (("*", verdict.training), ("", verdict.held_out))
               for each in found.by_recording]  # fmt: skip
-    counts += [(f"{Path(name).name}: {each.recording}", each)
-               for name, found in verdict.elsewhere for each in found.by_recording]  # fmt: skip
+    last = [Path(name).name for name, _ in verdict.elsewhere]
+    counts += [(f"{name if last.count(short) > 1 else short}: {each.recording}", each)
+               for short, (name, found) in zip(last, verdict.elsewhere, strict=True)
+               for each in found.by_recording]  # fmt: skip
     report = ConformanceReport(
         f"Tubes against the motion of {subject.source.resolve().name}",
         (

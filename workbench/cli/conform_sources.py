@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from workbench.models.vehicle_sections import Uncertainty
     from workbench.simulation.conformance.fit import Advance
     from workbench.simulation.conformance.verdict import Verdict
-    from workbench.simulation.conformance.windows import Measured, MotionModel, Split
+    from workbench.simulation.conformance.windows import Measured, MotionModel, Split, Window
     from workbench.simulation.recording import Recording
 
 _W: Final = ("acceleration_mps2", "steering_rate_radps", "wheelbase_m")
@@ -226,16 +226,29 @@ def _check_drivers(folders: Sequence[Path], vehicle: Vehicle) -> None:
         if other != vehicle:
             raise InputError(
                 f"--test-on: expected runs of {vehicle.name} as its file has it (but for "
-                f"[uncertainty]), got {file}, which differs; drive them with the same vehicle"
+                f"[uncertainty]), got {file}, which differs; drive them with the same vehicle file"
             )
 
 
+def _motion(window: Window) -> tuple[float, bytes]:
+    return window.start_s, window.measured.tobytes()
+
+
 def _windows_elsewhere(
-    args: argparse.Namespace, cut: Callable[[Path], Measured]
+    args: argparse.Namespace, measured_here: Measured, cut: Callable[[Path], Measured]
 ) -> tuple[tuple[str, Measured], ...]:
     found = []
+    here = {_motion(window): window.recording for window in measured_here.windows}
     for folder in args.test_on:
         measured = cut(folder)
+        for window in measured.windows:
+            again = here.get(_motion(window))
+            if again is not None:
+                raise InputError(
+                    f"--test-on: expected motion that SOURCE does not have, got {window.recording} "
+                    f"in {folder} from {window.start_s:g} s, as {again} in {args.source}; leave it "
+                    "out, or nothing is tested by it"
+                )
         if not measured.windows:
             raise InputError(
                 f"--test-on: expected windows of {args.window:g} s in {folder}, got none; shorten "
@@ -270,9 +283,10 @@ def _of_runs(args: argparse.Namespace, vehicle: Vehicle, file: Path) -> Subject:
         "speed_mps": vehicle.brake.stop_speed_mps,
         "wheelbase_m": _MOST_WHEELBASE * vehicle.geometry.wheelbase_m,
     }
+    elsewhere = _windows_elsewhere(args, measured, cut)
     return Subject(
         "Closed-loop runs", args.source, vehicle, file,
-        (Candidate("the vehicle's TRACK loop", model, measured, _windows_elsewhere(args, cut)),),
+        (Candidate("the vehicle's TRACK loop", model, measured, elsewhere),),
         _split(args, measured), most, discs=False, disc_error_m=0.0,
     )  # fmt: skip
 
@@ -307,11 +321,9 @@ def _of_recordings(args: argparse.Namespace, vehicle: Vehicle, file: Path) -> Su
         def cut(folder: Path, windows: DriveWindows = windows) -> Measured:
             return windows.of(recordings[folder])
 
-        candidates.append(
-            Candidate(
-                f"bicycle {name}", model, cut(args.source), _windows_elsewhere(args, cut)
-            )
-        )  # fmt: skip
+        measured = cut(args.source)
+        elsewhere = _windows_elsewhere(args, measured, cut)
+        candidates.append(Candidate(f"bicycle {name}", model, measured, elsewhere))
     return Subject(
         "Recordings", args.source, vehicle, file, tuple(candidates),
         _split(args, candidates[0].measured),

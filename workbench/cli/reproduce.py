@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from workbench.cli.analysis_options import command_line, count, number, text_table, writable_file
+from workbench.cli.analysis_options import (
+    command_line,
+    count,
+    number,
+    percent,
+    text_table,
+    writable_file,
+)
 from workbench.cli.common import (
     add_output_option,
     marked,
@@ -119,11 +125,6 @@ def run(args: argparse.Namespace) -> int:
           "plants": found.plants, "shares": found.shares, "learned": found.learned,
           "report": str(args.out / "report.html")})  # fmt: skip
     return DONE if reached else CLAIM_FAILS
-
-
-def percent(share: float) -> str:
-    """Rounded down: what is not all must not look like it."""
-    return f"{math.floor(1e5 * share) / 1e3:.3f} %"
 
 
 def sizes(found: Found) -> str:

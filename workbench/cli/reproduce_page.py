@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from workbench import __version__
+from workbench.cli.analysis_options import percent
 
 if TYPE_CHECKING:
     from workbench.cli.reproduce_work import Found
@@ -66,7 +67,6 @@ _TABLE_2: Final = (
 
 def paper_page(found: Found, *, command: str, require: float) -> Page:
     """Tables with ours and the paper's, pictures, settings."""
-    from workbench.cli.reproduce import percent
     from workbench.cli.reproduce_tables import accuracy_tables, count_table, time_table
     from workbench.report.page import Notice, Page, Paragraph, Section
     from workbench.report.paper import results_figure

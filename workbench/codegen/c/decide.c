@@ -83,6 +83,9 @@ static int wb_sane_query(const double *q) {
     if (!(q[WB_Q_REFERENCE_RAMP + i] >= 0.0)) return 0;
   }
   if (!(q[WB_Q_REFERENCE_RAMP + WB_RAMP_LEAST] <= q[WB_Q_REFERENCE_RAMP + WB_RAMP_MOST])) return 0;
+  /* A ramp begins at the reference of the decision. */
+  if (!(q[WB_Q_DISTURBANCE_LOWER + WB_REFERENCE_CHANGE] <= 0.0)) return 0;
+  if (!(q[WB_Q_DISTURBANCE_UPPER + WB_REFERENCE_CHANGE] >= 0.0)) return 0;
 #endif
   /* A standstill lasts, and the steering rests in it. */
   if (WB_MISREAD >= 0 && !(q[WB_Q_DISTURBANCE_UPPER + WB_MISREAD] <= q[WB_Q_BRAKE + WB_BRAKE_STOP_SPEED])) return 0;

@@ -173,7 +173,8 @@ def ramp_of(vehicle: Vehicle) -> tuple[float, float, float]:
     and most pace (m/s^2), and by how much (s) it may be early or late.
 
     It changes at each decision, by what one turn's slew allows (`ramped_reference_mps`): in steps,
-    so that it may be a period late; and another one where a decision could not be made.
+    so that it may be a period late; and another one where a decision could not be made. That is of
+    turns on time, as those of a drive in virtual time are: late ones change the pace.
     Raises InputError for a vehicle without [drive_by_wire]."""
     if vehicle.drive_by_wire is None:
         raise InputError(
