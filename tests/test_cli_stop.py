@@ -116,6 +116,42 @@ def test_an_interrupt_that_was_cleared_comes_back(then: str, tmp_path: Path) -> 
     assert (out, "Traceback" in err) == ("", False)
 
 
+_SWALLOWED = """
+import signal, sys, time, types, weakref
+from workbench.cli.main import main
+module = types.ModuleType("workbench.cli.derive")
+module.HELP, module.EXAMPLE, module.configure = "Stands in.", "workbench derive", lambda p: None
+def run(args):
+    thing = type("Thing", (), {})()
+    reference = weakref.ref(thing, fail)
+    del thing
+    time.sleep(30)
+def fail(_):
+    {fault}
+module.run = run
+sys.modules[module.__name__] = module
+sys.exit(main(["derive"]))
+"""
+
+
+def test_an_interrupt_that_python_swallows_is_not_shown_as_a_defect(tmp_path: Path) -> None:
+    """As in the callbacks of the import system: what they raise is printed, and goes no further."""
+    interrupt = "signal.raise_signal(signal.SIGINT)"
+    running = _start(tmp_path, program=_SWALLOWED.replace("{fault}", interrupt))
+    out, err = running.communicate(timeout=20)
+    assert running.returncode in STOPPED, err
+    assert (out, err.splitlines()[-1]) == ("", "workbench derive: interrupted")
+    assert "Traceback" not in err
+    assert "ignored" not in err
+
+
+def test_another_fault_that_python_swallows_is_shown(tmp_path: Path) -> None:
+    fault = "raise ValueError('lost')"
+    program = _SWALLOWED.replace("{fault}", fault).replace("sleep(30)", "sleep(0.0); return 0")
+    _, err = _start(tmp_path, program=program).communicate(timeout=20)
+    assert "ValueError: lost" in err
+
+
 def test_the_second_interrupt_ends_the_process_at_once(tmp_path: Path) -> None:
     again = "[signal.raise_signal(signal.SIGINT), time.sleep(30)]"
     running = _start(tmp_path, program=_CLEARED.replace("{then}", again))

@@ -37,9 +37,18 @@ def stoppable() -> Iterator[None]:
         return
     alarm = signal.signal(signal.SIGALRM, _raise_again)
     signal.signal(signal.SIGINT, _stop)
+    shown = sys.unraisablehook
+
+    def show(swallowed: sys.UnraisableHookArgs) -> None:
+        # A callback that Python calls, of a weak reference say, cannot raise: it comes again.
+        if not (_asked.is_set() and issubclass(swallowed.exc_type, KeyboardInterrupt)):
+            shown(swallowed)
+
+    sys.unraisablehook = show
     try:
         yield
     finally:
+        sys.unraisablehook = shown
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGINT, signal.default_int_handler)
         signal.signal(signal.SIGALRM, alarm)
