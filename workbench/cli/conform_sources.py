@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, final
 
 from workbench.cli.common import chosen_vehicle
+from workbench.cli.conform_elsewhere import check_drivers, check_folders, windows_elsewhere
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from workbench.models.vehicle_sections import Uncertainty
     from workbench.simulation.conformance.fit import Advance
     from workbench.simulation.conformance.verdict import Verdict
-    from workbench.simulation.conformance.windows import Measured, MotionModel, Split, Window
+    from workbench.simulation.conformance.windows import Measured, MotionModel, Split
     from workbench.simulation.recording import Recording
 
 _W: Final = ("acceleration_mps2", "steering_rate_radps", "wheelbase_m")
@@ -185,11 +185,11 @@ def chosen_subject(args: argparse.Namespace) -> Subject:
         args.vehicle = beside
     vehicle, file = chosen_vehicle(args), args.vehicle or gem_e2_path()
     if holds_runs(source):
-        _check_folders(args, holds_runs, "runs.csv, as SOURCE has it")
-        _check_drivers(args.test_on, vehicle)
+        check_folders(args, holds_runs, "runs.csv, as SOURCE has it")
+        check_drivers(args.test_on, vehicle)
         return _of_runs(args, vehicle, file)
     if Table.exists(source, "vehicles"):
-        _check_folders(
+        check_folders(
             args, lambda folder: Table.exists(folder, "vehicles"), "vehicles.csv, as SOURCE has it"
         )
         return _of_recordings(args, vehicle, file)
@@ -197,65 +197,6 @@ def chosen_subject(args: argparse.Namespace) -> Subject:
         f"SOURCE: expected runs.csv (closed-loop runs) or vehicles.csv (recordings), plain or "
         f".gz, in {source}"
     )
-
-
-def _check_folders(
-    args: argparse.Namespace, holds: Callable[[Path], bool], expected: str
-) -> None:  # fmt: skip
-    seen = [args.source.resolve()]
-    for folder in args.test_on:
-        if not holds(folder):
-            raise InputError(f"--test-on: expected a folder with {expected}, got {folder}")
-        if folder.resolve() in seen:
-            raise InputError(
-                f"--test-on: expected folders other than SOURCE, each once, got {folder}; the "
-                "recordings of SOURCE that are not fitted to are tested on anyway"
-            )
-        seen.append(folder.resolve())
-
-
-def _check_drivers(folders: Sequence[Path], vehicle: Vehicle) -> None:
-    """Runs of another vehicle, with other gains, say nothing of this one's loop."""
-    from workbench.models.vehicle import load_vehicle
-
-    for folder in folders:
-        file = folder / "vehicle.toml"
-        if not file.is_file():
-            continue
-        other = dataclasses.replace(load_vehicle(file), uncertainty=vehicle.uncertainty)
-        if other != vehicle:
-            raise InputError(
-                f"--test-on: expected runs of {vehicle.name} as its file has it (but for "
-                f"[uncertainty]), got {file}, which differs; drive them with the same vehicle file"
-            )
-
-
-def _motion(window: Window) -> tuple[float, bytes]:
-    return window.start_s, window.measured.tobytes()
-
-
-def _windows_elsewhere(
-    args: argparse.Namespace, measured_here: Measured, cut: Callable[[Path], Measured]
-) -> tuple[tuple[str, Measured], ...]:
-    found = []
-    here = {_motion(window): window.recording for window in measured_here.windows}
-    for folder in args.test_on:
-        measured = cut(folder)
-        for window in measured.windows:
-            again = here.get(_motion(window))
-            if again is not None:
-                raise InputError(
-                    f"--test-on: expected motion that SOURCE does not have, got {window.recording} "
-                    f"in {folder} from {window.start_s:g} s, as {again} in {args.source}; leave it "
-                    "out, or nothing is tested by it"
-                )
-        if not measured.windows:
-            raise InputError(
-                f"--test-on: expected windows of {args.window:g} s in {folder}, got none; shorten "
-                "--window, or take longer recordings"
-            )
-        found.append((str(folder), measured))
-    return tuple(found)
 
 
 def _split(args: argparse.Namespace, measured: Measured) -> Split:
@@ -283,7 +224,7 @@ def _of_runs(args: argparse.Namespace, vehicle: Vehicle, file: Path) -> Subject:
         "speed_mps": vehicle.brake.stop_speed_mps,
         "wheelbase_m": _MOST_WHEELBASE * vehicle.geometry.wheelbase_m,
     }
-    elsewhere = _windows_elsewhere(args, measured, cut)
+    elsewhere = windows_elsewhere(args, measured, cut)
     return Subject(
         "Closed-loop runs", args.source, vehicle, file,
         (Candidate("the vehicle's TRACK loop", model, measured, elsewhere),),
@@ -322,7 +263,7 @@ def _of_recordings(args: argparse.Namespace, vehicle: Vehicle, file: Path) -> Su
             return windows.of(recordings[folder])
 
         measured = cut(args.source)
-        elsewhere = _windows_elsewhere(args, measured, cut)
+        elsewhere = windows_elsewhere(args, measured, cut)
         candidates.append(Candidate(f"bicycle {name}", model, measured, elsewhere))
     return Subject(
         "Recordings", args.source, vehicle, file, tuple(candidates),
