@@ -188,8 +188,7 @@ def count_rows(outcome: Outcome) -> list[list[str | int | float | None]]:
     verdict = outcome.verdict
     rows = [
         counted("tubes, fitted to", verdict.training),
-        counted("tubes, other recordings", verdict.held_out),
-        *(counted(f"tubes, all of {name}", found) for name, found in verdict.elsewhere),
+        *(counted(f"tubes, {name}", found) for name, found in verdict.tested),
         counted("tubes of pointwise W, other recordings", verdict.pointwise_tubes),
     ]
     for each in outcome.discs:
@@ -240,10 +239,8 @@ def _lines(args: argparse.Namespace, subject: Subject, outcome: Outcome) -> list
 def ending(verdict: Verdict, require: float) -> str:
     """Whether the tubes contain what was asked."""
     fitted = verdict.training.windows
-    tested = [("other recordings", verdict.held_out)]
-    tested += [(f"all of {name}", found) for name, found in verdict.elsewhere]
     shares = ", ".join(
-        f"{percent(found.steps.value)} of the steps of {name}" for name, found in tested
+        f"{percent(found.steps.value)} of the steps of {name}" for name, found in verdict.tested
     )
     if not verdict.fit.contained:
         return (

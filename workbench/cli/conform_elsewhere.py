@@ -15,9 +15,7 @@ if TYPE_CHECKING:
     from workbench.simulation.conformance.windows import Measured, Window
 
 
-def check_folders(
-    args: argparse.Namespace, holds: Callable[[Path], bool], expected: str
-) -> None:  # fmt: skip
+def check_folders(args: argparse.Namespace, holds: Callable[[Path], bool], expected: str) -> None:
     """Raise InputError for a folder that does not hold what is expected, or comes twice."""
     seen = [args.source.resolve()]
     for folder in args.test_on:

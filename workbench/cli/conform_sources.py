@@ -158,13 +158,11 @@ class Subject:
 
 
 def _held_out(verdict: Verdict) -> str:
-    tested = [("other recordings", verdict.held_out)]
-    tested += [(f"all of {name}", found) for name, found in verdict.elsewhere]
     return " ".join(
         f"Inside the tubes of {name}: {found.steps.inside} of {found.steps.of} steps, "
         f"{found.windows.inside} of {found.windows.of} windows; mean area "
         f"{found.mean_area_m2:.3g} m^2."
-        for name, found in tested
+        for name, found in verdict.tested
     )
 
 

@@ -63,13 +63,13 @@ class Verdict:
     def reached(self, share: float) -> bool:
         """Are all training windows contained, and this share of the held-out steps and of those of
         each other source?"""
-        return self.fit.contained and self.least_share >= share
+        return self.fit.contained and all(found.steps.value >= share for _, found in self.tested)
 
     @property
-    def least_share(self) -> float:
-        """Of the steps: held out, and of each other source, the smallest share inside."""
-        tested = (self.held_out, *(found for _, found in self.elsewhere))
-        return min(found.steps.value for found in tested)
+    def tested(self) -> tuple[tuple[str, Containment], ...]:
+        """Everything that was not fitted to, with what it is called."""
+        elsewhere = ((f"all of {name}", found) for name, found in self.elsewhere)
+        return (("other recordings", self.held_out), *elsewhere)
 
     @property
     def said(self) -> str:
