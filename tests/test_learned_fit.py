@@ -76,16 +76,26 @@ def test_objective_is_the_upper_hull_at_the_mean_instant(values: list[float]) ->
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.lists(st.floats(-3.0, 3.0), min_size=4, max_size=8), st.integers(1, 3))
-def test_the_points_that_carry_a_line_alone_give_it(values: list[float], pieces: int) -> None:
+@given(st.lists(st.integers(-300, 300), min_size=4, max_size=8), st.integers(1, 3))
+def test_the_points_that_carry_a_line_alone_give_it(values: list[int], pieces: int) -> None:
     times = np.linspace(0.0, 1.0, len(values))
     nodes = np.linspace(0.0, 1.0, pieces + 1)
-    logs = np.array(values)[:, None]
+    logs = 0.01 * np.array(values)[:, None]
     lines = fit_log_lines(times, logs, nodes=nodes)
     assert 1 <= int(lines.carried.sum()) <= pieces + 1
     # Elsewhere far below: the cost still counts every instant.
     alone = fit_log_lines(times, np.where(lines.carried, logs, -50.0), nodes=nodes)
     assert alone.heights == pytest.approx(lines.heights, abs=1e-3)
+
+
+@pytest.mark.parametrize("apart", [1e-8, 1.2e-7, 1e-6])
+def test_points_that_the_solver_cannot_tell_apart_all_carry_the_line(apart: float) -> None:
+    """More of them only weaken what is stated."""
+    times = np.linspace(0.0, 1.0, 4)
+    logs = np.array([0.0, 0.0, 0.0, apart])[:, None]
+    lines = fit_log_lines(times, logs, nodes=times[[0, -1]])
+    assert lines.carried.all()
+    assert np.all(hats(times, times[[0, -1]]) @ lines.heights >= logs)
 
 
 def test_a_linear_system_is_learned_exactly() -> None:
